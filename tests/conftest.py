@@ -55,7 +55,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests of the workbench come first: those with a browser all go to one worker, and the others have tests enough for the rest of the time."""
+    """Tests of the workbench come first: one of three workers gets them all; the others have enough to do while it waits for the browser."""
     items.sort(key=lambda item: item.path.parent.name != "workbench")
 
 

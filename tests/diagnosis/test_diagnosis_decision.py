@@ -210,7 +210,7 @@ def test_less_than_counts_is_named_only_by_clear_odds_if_nothing_is_left(gain, l
 
 
 @pytest.mark.parametrize(("sigma", "named"), [(4.5, False), (8.0, True)])
-def test_a_further_effect_is_named_on_the_analysers_account_only_if_it_errs_by_twice_its_specification(sigma, named, healthy):
+def test_a_further_effect_that_only_reduces_the_analysers_error_is_named_if_that_is_twice_its_specification(sigma, named, healthy):
     layers = model(("proximity-effect",), 6000.0, 1.0, 0.0, analyser_sigma=sigma)
     found = of(model((), 0.0, 70.0, 70.0), layers, model(("cable-delay", "proximity-effect"), 6018.0, 0.9, 0.0, analyser_sigma=1.3))
     judgement = Judgement(healthy, found, believe(found))  # type: ignore[arg-type]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from functools import reduce
 
@@ -19,6 +19,8 @@ from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.hidden_effects import HIDDEN_EFFECTS, OUTSIDE_EFFECTS, excluding, split_effects
 from motoremi.simulate.simulated_motor import SimulatedMotor
 
+# Both determine the copper resistance: motors outside the protocol have at most one of them.
+COPPER = frozenset({"skin-effect", "proximity-effect"})
 POINTS = 401
 SPAN_HZ = (150e3, 30e6)
 REPEATS = 3
@@ -101,11 +103,11 @@ def catalogue_kinds() -> dict[str, list[str]]:
     return {"one": [name for name in known if name not in instrument], "outside": list(OUTSIDE_EFFECTS), "instrument": instrument}
 
 
-def together(rng: np.random.Generator, known: Sequence[str], count: int) -> tuple[str, ...]:
-    """Effects drawn at random that one motor can hide together."""
+def drawn_together(rng: np.random.Generator, known: Sequence[str], count: int, apart: Set[str] = frozenset()) -> tuple[str, ...]:
+    """Effects drawn at random that one motor can hide together; not all of `apart`, if that is given."""
     while True:
         hidden = tuple(str(name) for name in rng.choice(known, count, replace=False))
-        if not excluding(hidden):
+        if not excluding(hidden) and not (apart and apart <= set(hidden)):
             return hidden
 
 
@@ -116,7 +118,7 @@ def draw(seed: int, index: int) -> Case:
     sort = str(rng.choice(list(SORTS), p=list(SORTS.values())))
     hidden: tuple[str, ...] = ()
     if sort == "two":
-        hidden = together(rng, kinds["one"], 2)
+        hidden = drawn_together(rng, kinds["one"], 2)
     elif sort != "none":
         hidden = (str(rng.choice(kinds[sort])),)
     return Case(seed, index, sort, hidden, int(rng.integers(1, 2**31)))

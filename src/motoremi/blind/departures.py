@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, together
+from motoremi.blind.cases import BANDWIDTH_FACTOR, COPPER, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, drawn_together
 from motoremi.blind.disturbances import (
     DoubledAnalyser,
     ReflectionAnalyser,
@@ -35,8 +35,6 @@ Generator: TypeAlias = np.random.Generator
 # Termination, number of the repeat, frequencies, impedance so far -> impedance.
 Change: TypeAlias = Callable[[Termination, int, FloatArray, ComplexArray], ComplexArray]
 
-# Both determine the copper resistance, so a motor has at most one of them.
-_COPPER = {"skin-effect", "proximity-effect"}
 # Residuals of a fixture twice as large as specified after compensation: ohm, henry, farad.
 _DOUBLED_FIXTURE = (20e-3, 6e-9, 0.2e-12)
 
@@ -341,9 +339,7 @@ def draw_hard(seed: int, index: int) -> HardCase:
     if departure == "outside":
         hidden = (str(rng.choice([*OUTSIDE_EFFECTS, *UNCATALOGUED_EFFECTS])),)
     elif departure == "three":
-        hidden = together(rng, known, 3)
-        while set(hidden) >= _COPPER:
-            hidden = together(rng, known, 3)
+        hidden = drawn_together(rng, known, 3, COPPER)
     elif departure == "weak-effect" or (index // len(names) + index % len(names) + seed) % 2:
         hidden = (str(rng.choice(known)),)
     return HardCase(seed, index, departure, hidden, int(rng.integers(1, 2**31)))

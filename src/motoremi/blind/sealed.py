@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.blind.cases import BANDWIDTH_FACTOR, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, shown, together
+from motoremi.blind.cases import BANDWIDTH_FACTOR, COPPER, POINTS, REPEATS, SPAN_HZ, catalogue_kinds, drawn_together, shown
 from motoremi.blind.disturbances import ReflectionAnalyser, behind_fixture
 from motoremi.data.analyser import find_analyser
 from motoremi.data.conditions import VALUES, Condition, SingleValue
@@ -35,8 +35,6 @@ OUTSIDE = 0.1
 # Ranges of the fixture of a handheld analyser, and of its three error terms in dB.
 _FIXTURE = {"resistance_ohm": (20e-3, 300e-3), "inductance_h": (5e-9, 40e-9), "capacitance_f": (0.5e-12, 5e-12)}
 _ERROR_TERMS_DB = (-60.0, -54.0)
-# Both determine the copper resistance, so a motor has at most one of them.
-_COPPER = {"skin-effect", "proximity-effect"}
 # Largest span of a wide sweep.
 _WIDE_HZ = (400.0, 60e6)
 
@@ -233,10 +231,8 @@ def draw_sealed(seed: int, index: int) -> Sealed:
         return Sealed(seed, index, start, (str(rng.choice(OUTSIDE_EFFECTS)),), int(rng.integers(1, 2**31 - 3)))
     # Not two faults of the analyser at once, and none together with an uncompensated fixture.
     known = kinds["one"] + (kinds["instrument"] if start == "one short sweep" else [])
-    while True:
-        hidden = together(rng, known, 2 if start == "two effects" else 1)
-        if not set(hidden) >= _COPPER:
-            return Sealed(seed, index, start, hidden, int(rng.integers(1, 2**31 - 3)))
+    hidden = drawn_together(rng, known, 2 if start == "two effects" else 1, COPPER)
+    return Sealed(seed, index, start, hidden, int(rng.integers(1, 2**31 - 3)))
 
 
 def draw_sealed_many(seed: int, count: int) -> list[Sealed]:

@@ -16,7 +16,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.observed import informative_points
-from motoremi.model.effects.seen import Seen
+from motoremi.model.effects.seen import Seen, winding_of
 from motoremi.model.path_to_frame import frames
 
 FRAME_POINTS = 80
@@ -76,9 +76,7 @@ def _winding(measurement: Measurement) -> Mapping[str, float]:
     if found is None:
         return {}
     (b0, b1), a2 = found.numerator, found.denominator[2]
-    if b1 <= 0 or a2 <= 0:
-        return {}
-    return {"Ra": max(float(b0), 1e-3), "La": float(b1 / found.middle), "Ca": float(a2 / b1 / found.middle)}
+    return winding_of(b0, b1, a2, found.middle) if b1 > 0 and a2 > 0 else {}
 
 
 def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: bool) -> list[dict[str, float]]:

@@ -35,9 +35,7 @@ class _FrameScan:
 
     def at(self, resonance: FloatArray, damping: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Cost, a and b for all pairs of resonance and damping, each of shape (resonances, dampings)."""
-        p = 1j * self.omega / resonance[:, None, None]
-        q = p * (damping[:, None] + p)
-        branch = q / (1 + q)
+        branch = self._branch(resonance[:, None, None], damping[:, None])
         n11, n12, n22 = self.weight.sum(), branch.real @ self.weight, (branch.real**2 + branch.imag**2) @ self.weight
         r1, r2 = float(self.elastance.real @ self.weight), (branch.conj() @ (self.weight * self.elastance)).real
         if self.has_strap:
@@ -52,6 +50,12 @@ class _FrameScan:
         cost = n11 * a**2 + 2 * n12 * a * b + n22 * b**2 - 2 * (r1 * a + r2 * b)
         return np.where(np.isfinite(cost), cost, np.inf), a, b
 
+    def _branch(self, resonance: FloatArray | float, damping: FloatArray | float) -> ComplexArray:
+        """q/(1 + q) at all points."""
+        p = 1j * self.omega / resonance
+        q = p * (damping + p)
+        return np.asarray(q / (1 + q), dtype=np.complex128)
+
     def _strap_sums(self, branch: ComplexArray) -> tuple[float, float, FloatArray, float]:
         """Sums over the points of the products of -omega^2 with itself, one, the branch and the data."""
         square = -(self.omega**2)
@@ -60,9 +64,7 @@ class _FrameScan:
 
     def strap_h(self, resonance: float, damping: float, a: float, b: float) -> float:
         """The most likely L for given values of the rest."""
-        p = 1j * self.omega / resonance
-        q = p * (damping + p)
-        n33, n13, n23, r3 = self._strap_sums(q / (1 + q))
+        n33, n13, n23, r3 = self._strap_sums(self._branch(resonance, damping))
         return float((r3 - n13 * a - n23 * b) / n33)
 
 

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.model.effects.seen import Seen
+from motoremi.model.effects.seen import LEAST_OHM, Seen, winding_of
 from motoremi.model.effects.start import Set, Start, Subtract
 from motoremi.model.path_to_frame import frames
 from motoremi.model.rational import Rational
@@ -40,9 +40,9 @@ SMALL_FRAME = {"Rr": 40.0, "Lr": 2e-6, "Cr": 5e-10, "Cf": 5e-10}
 LITTLE_LOSS = 0.002
 # Uniform line: fewest resonances, largest relative difference of their distances, points of the mean, and the turns' share of the capacitance.
 LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
-# Frame beside a capacitor: points of the open-circuit sweep that are used, fewest of them that must determine the frame, largest ratio of the
-# subtracted to the remaining impedance at such a point, and smallest resistance.
-FRAME_POINTS, LEAST_POINTS, MOST_LOST, LEAST_OHM = 80, 10, 30.0, 1e-3
+# Frame beside a capacitor: points of the open-circuit sweep that are used, fewest of them that must determine the frame, and largest ratio of the
+# subtracted to the remaining impedance at such a point.
+FRAME_POINTS, LEAST_POINTS, MOST_LOST = 80, 10, 30.0
 # Start values of a choke's minor elements: capacitance of its turns and resistance of its wire.
 CHOKE_REST = {"exponent": 0.95, "capacitance_f": 2e-12, "resistance_ohm": 0.02}
 # Start values of the minor parameters of a lead or a strap.
@@ -398,18 +398,16 @@ def winding_behind_lead(seen: Seen) -> list[dict[Any, float]]:
 
     The resonance of a lead with the winding's capacitance is sharp, and a model without it takes the elements of the winding for it.
     """
-    return _from(seen.led, _led)
+    return _from(seen.behind_lead, _winding_and_lead)
 
 
-def _led(short: Rational) -> dict[Any, float]:
+def _winding_and_lead(short: Rational) -> dict[Any, float]:
     """The winding, and R + s L in series with it: what remains at high frequencies."""
     straight, rest = np.polydiv(short.numerator[::-1], short.denominator[::-1])
     if straight.size != 2 or rest.size != 2:
         return {"inductance_h": np.nan}
     return {
-        Set("Ra"): float(max(rest[1], LEAST_OHM)),
-        Set("La"): float(rest[0] / short.middle),
-        Set("Ca"): float(short.denominator[2] / rest[0] / short.middle),
+        **{Set(name): value for name, value in winding_of(rest[1], rest[0], short.denominator[2], short.middle).items()},
         **CONDUCTOR_REST,
         "resistance_ohm": float(max(straight[1], LEAST_OHM)),
         "inductance_h": float(straight[0] / short.middle),

@@ -11,6 +11,14 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model.rational import Rational, rational_fit
 
+# If a rational function has a negative resistance, this one is used instead.
+LEAST_OHM = 1e-3
+
+
+def winding_of(b0: float, b1: float, a2: float, middle: float) -> dict[str, float]:
+    """Ra, La and Ca of the winding with the impedance (b0 + b1 p)/(1 + a1 p + a2 p^2), p being s over `middle`."""
+    return {"Ra": max(float(b0), LEAST_OHM), "La": float(b1 / middle), "Ca": float(a2 / b1 / middle)}
+
 
 @dataclass(frozen=True, eq=False)
 class Seen:
@@ -74,7 +82,7 @@ class Seen:
         return self.short_rational((2, 3))
 
     @cached_property
-    def led(self) -> Rational | None:
+    def behind_lead(self) -> Rational | None:
         """The same for a winding with one resonance, in series with an inductance."""
         return self.short_rational((3, 2))
 
