@@ -8,13 +8,15 @@ import zlib
 
 import numpy as np
 import pytest
+from few_effects import seeking
 from typer.testing import CliRunner
 
-from motoremi.blind.cases import Case, catalogue_kinds, draw_many
+from motoremi.blind.cases import SHOWING, Case, catalogue_kinds, draw_many
 from motoremi.blind.challenge import SEALED, make_challenge, reveal
 from motoremi.blind.scoreboard import Played, play_all, summary
 from motoremi.blind.scoreboard_text import markdown, write_all
 from motoremi.blind.scoring import Answer, hit, named_exactly, outcome
+from motoremi.blind.search_check import hidden_ahead_nats
 from motoremi.cli.app import app
 from motoremi.data.session import load, verify
 from motoremi.diagnosis.diagnosis import diagnose
@@ -184,3 +186,20 @@ def test_of_two_equal_curves_the_one_of_usual_size_comes_first():
     case = Case(555, 43, "one", ("dielectric-relaxation@Cr",), 1846849857)
     found = diagnose(fit(dc_motor(), case.sweeps()))
     assert found.families == (("dielectric-relaxation@Cr", "bearing-film"),)
+
+
+def test_a_wrong_answer_says_whether_the_search_missed_the_hidden_model():
+    hidden = ("lead-inductance",)
+    base = fit(dc_motor(), Case(5, 0, "one", hidden, 5).sweeps())
+    with seeking({"lead-inductance", "core-loss"}):
+        assert abs(hidden_ahead_nats(diagnose(base), hidden)) < SHOWING
+    with seeking({"core-loss"}):
+        without = diagnose(base)
+    ahead = hidden_ahead_nats(without, hidden)
+    assert ahead is not None
+    assert ahead > 20
+    assert hidden_ahead_nats(without, ()) is None
+    assert hidden_ahead_nats(without, ("outside-rotor-coupling",)) is None
+    case = Case(5, 0, "one", hidden, 5)
+    lines = markdown({"seed": 1, **summary([Played(case, answer("adequate"), hidden, ahead)])})
+    assert f"more probable than all found by e^{ahead:.0f}" in lines

@@ -57,6 +57,7 @@ def test_cases_hang_on_seed_and_number_alone():
     assert cases != draw_hard_many(6, 38)
     for one, again in zip(cases[9].sweeps(), draw_hard(5, 9).sweeps(), strict=True):
         np.testing.assert_array_equal(one.impedance_ohm, again.impedance_ohm)
+    assert draw_hard_many(5, 2, "flicker") == [one for one in cases if one.departure == "flicker"]
     for bad in ((1, 0), (1, -1), (-1, 3)):
         with pytest.raises(BadInput):
             draw_hard_many(*bad)
@@ -496,7 +497,7 @@ def stub(monkeypatch, document: dict[str, object], effects: tuple[str, ...] = ()
     )
     monkeypatch.setattr(hard, "fit", lambda *_: best)
     monkeypatch.setattr(hard, "visible", lambda _: True)
-    monkeypatch.setattr(hard, "diagnose", lambda _: SimpleNamespace(best=best, to_dict=lambda: document))
+    monkeypatch.setattr(hard, "diagnose", lambda _: SimpleNamespace(best=best, searched=None, to_dict=lambda: document))
 
 
 def test_a_case_is_played_as_a_user_would(monkeypatch):
@@ -523,3 +524,10 @@ def test_command(monkeypatch, tmp_path):
     assert (tmp_path / "scoreboard-hard.md").exists()
     assert "linear-grid" in run(app, ["scoreboard", "--hard", "--cases", "4", "--seed", "3", "--jobs", "1"]).stdout
     assert run(app, ["scoreboard", "--hard", "--spectra"]).exit_code != 0
+    few = ["--cases", "2", "--seed", "3", "--jobs", "1", "--json"]
+    one = json.loads(run(app, ["scoreboard", "--hard", "--departure", "stations", *few]).stdout)
+    assert [(name, row["cases"]) for name, row in one["by_departure"].items()] == [("stations", 2)]
+    unknown = run(app, ["scoreboard", "--hard", "--departure", "station", *few])
+    assert isinstance(unknown.exception, BadInput)
+    assert "stations" in str(unknown.exception)
+    assert isinstance(run(app, ["scoreboard", "--departure", "stations", *few]).exception, BadInput)

@@ -345,8 +345,13 @@ def draw_hard(seed: int, index: int) -> HardCase:
     return HardCase(seed, index, departure, hidden, int(rng.integers(1, 2**31)))
 
 
-def draw_hard_many(seed: int, count: int) -> list[HardCase]:
-    """The first `count` cases of a seed."""
+def draw_hard_many(seed: int, count: int, departure: str | None = None) -> list[HardCase]:
+    """The first `count` cases of a seed, or the first with one departure."""
     if count < 1:
         raise BadInput(f"{count} cases: ask for at least one")
-    return [draw_hard(seed, index) for index in range(count)]
+    names = list(DEPARTURES)
+    if departure is None:
+        return [draw_hard(seed, index) for index in range(count)]
+    if departure not in names:
+        raise BadInput(f"there is no departure {departure!r}; known: {', '.join(names)}")
+    return [draw_hard(seed, names.index(departure) + len(names) * number) for number in range(count)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from motoremi.blind.hard_scoring import GOOD, Element, attached, of_the_motor, s
 from motoremi.blind.rounds import play_each
 from motoremi.blind.scoreboard import seconds
 from motoremi.blind.scoring import Answer, Outcome
+from motoremi.blind.search_check import hidden_ahead_nats
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
@@ -43,6 +44,8 @@ class PlayedHard:
         The hidden effects that are visible in the data.
     elements : tuple of Element
         Fitted elements that can be compared with the simulated motor; empty unless the best model has exactly the hidden effects.
+    hidden_ahead_nats : float, optional
+        Of a wrong answer: log evidence of the model with the hidden effects above that of the best model found.
     """
 
     case: HardCase
@@ -50,6 +53,7 @@ class PlayedHard:
     findings: tuple[str, ...] = ()
     seen: tuple[str, ...] = ()
     elements: tuple[Element, ...] = ()
+    hidden_ahead_nats: float | None = None
 
     @cached_property
     def outcome(self) -> Outcome:
@@ -70,7 +74,7 @@ class PlayedHard:
         """As plain data."""
         return {
             **asdict(self.case), **asdict(self.answer), "findings": list(self.findings), "seen": list(self.seen),
-            "outcome": self.outcome, "hit": self.hit, "sure_and_wrong": self.misleads,
+            "outcome": self.outcome, "hit": self.hit, "sure_and_wrong": self.misleads, "hidden_ahead_nats": self.hidden_ahead_nats,
         }  # fmt: skip
 
 
@@ -87,7 +91,8 @@ def play_hard(case: HardCase) -> PlayedHard:
     families = tuple(tuple(family) for family in document["families"])
     answer = Answer(document["verdict"], tuple(document["effects"]), families, document["confidence"], seconds=took)
     findings = tuple(dict.fromkeys(str(one["id"]) for one in document.get("findings", []) if one.get("serious")))
-    return PlayedHard(case, answer, findings, _seen(case, base), _elements(case, found))
+    played = PlayedHard(case, answer, findings, _seen(case, base), _elements(case, found))
+    return played if played.outcome in GOOD else replace(played, hidden_ahead_nats=hidden_ahead_nats(found, case.hidden))
 
 
 def _seen(case: HardCase, base: Fit) -> tuple[str, ...]:
@@ -107,9 +112,9 @@ def _elements(case: HardCase, found: Diagnosis) -> tuple[Element, ...]:
     return tuple(Element(name, float(best.parameters[name]), float(best.sigma[name]), *spans[name]) for name in compared)
 
 
-def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[PlayedHard]:
-    """The first cases of a seed, in order; the result does not depend on the number of jobs."""
-    return play_each(play_hard, draw_hard_many(seed, count), jobs, progress)
+def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None, departure: str | None = None) -> list[PlayedHard]:
+    """The first cases of a seed, or the first with one departure, in order; the result does not depend on the number of jobs."""
+    return play_each(play_hard, draw_hard_many(seed, count, departure), jobs, progress)
 
 
 def summary(played: Sequence[PlayedHard]) -> JsonDict:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from motoremi.blind.cases import Case, draw_many
 from motoremi.blind.confidence import by_kind_of_verdict, calibration_error, goal, goal_of, reliability, worst_kind
 from motoremi.blind.rounds import play_each
 from motoremi.blind.scoring import Answer, Outcome, hit, named_exactly, outcome
+from motoremi.blind.search_check import hidden_ahead_nats
 from motoremi.diagnosis.diagnosis import diagnose
 from motoremi.fitting.fit import fit
 from motoremi.model.motor import dc_motor
@@ -32,11 +33,14 @@ class Played:
     answer : Answer
     seen : tuple of str
         The hidden effects that show.
+    hidden_ahead_nats : float, optional
+        Of a wrong answer: log evidence of the model with the hidden effects above that of the best model found.
     """
 
     case: Case
     answer: Answer
     seen: tuple[str, ...]
+    hidden_ahead_nats: float | None = None
 
     @property
     def detectable(self) -> bool:
@@ -66,6 +70,7 @@ class Played:
             "detectable": self.detectable,
             "outcome": self.outcome,
             "hit": self.hit,
+            "hidden_ahead_nats": self.hidden_ahead_nats,
         }
 
 
@@ -84,7 +89,8 @@ def play(case: Case) -> Played:
         found.verdict, found.effects, found.families, found.confidence,
         found.base.corrected_error_percent / floor, found.best.corrected_error_percent / floor, took,
     )  # fmt: skip
-    return Played(case, answer, seen)
+    played = Played(case, answer, seen)
+    return played if played.outcome in ("right", "family") else replace(played, hidden_ahead_nats=hidden_ahead_nats(found, case.hidden))
 
 
 def play_all(seed: int, count: int, jobs: int, progress: Progress | None = None) -> list[Played]:

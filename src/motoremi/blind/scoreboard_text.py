@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from motoremi.arrays import JsonDict
+from motoremi.blind.cases import SHOWING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,10 +72,14 @@ def confusion_lines(confusion: JsonDict, hidden: str, named: str) -> list[str]:
 
 
 def wrong_line(one: JsonDict) -> str:
-    """One case to examine: hidden effects and answer."""
+    """One case to examine: hidden effects, answer, and whether the search missed a better model."""
     answer = " + ".join(one["effects"]) or one["trouble"] or one["verdict"]
     families = "; ".join(", ".join(family) for family in one["families"])
-    return f"- {one['index']}: {' + '.join(one['hidden']) or 'none'} -> {answer}" + (f" ({families})" if families else "")
+    ahead = one.get("hidden_ahead_nats")
+    missed = (
+        f", the hidden model, fitted directly, is more probable than all found by e^{ahead:.0f}" if ahead is not None and ahead > SHOWING else ""
+    )
+    return f"- {one['index']}: {' + '.join(one['hidden']) or 'none'} -> {answer}" + (f" ({families})" if families else "") + missed
 
 
 def reliability_figure(result: JsonDict) -> Figure:

@@ -6,6 +6,7 @@ import os
 import secrets
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -70,6 +71,9 @@ def scoreboard_(
         1, os.cpu_count() or 1
     ),
     hard: Annotated[bool, typer.Option("--hard", help="Motors measured outside the protocol, one departure each.")] = False,
+    departure: Annotated[
+        str | None, typer.Option("--departure", metavar="NAME", help="With --hard: only motors with this departure from the protocol.")
+    ] = None,
     spectra: Annotated[bool, typer.Option("--spectra", help="Hidden effects of source and path, in emission spectra.")] = False,
     investigate: Annotated[
         bool, typer.Option("--investigate", help="Sealed motors investigated by several policies: minutes at the bench, names, mistakes found.")
@@ -83,8 +87,10 @@ def scoreboard_(
 
     if hard + spectra + investigate > 1:
         raise BadInput("--hard, --spectra and --investigate are different scoreboards: give one of them")
+    if departure is not None and not hard:
+        raise BadInput("--departure goes with --hard")
     chosen = seed if seed is not None else secrets.randbelow(1_000_000)
-    board = _boards()["hard" if hard else "spectra" if spectra else "investigate" if investigate else "usual"]
+    board = _boards(departure)["hard" if hard else "spectra" if spectra else "investigate" if investigate else "usual"]
     with progress_bars(as_json) as bars:
         result = {"seed": chosen, **board.summary(board.play(chosen, cases, jobs, bars.bar(board.label)))}
     if out is not None:
@@ -108,12 +114,14 @@ class _Board:
     write: Callable[[JsonDict, Path], None]
 
 
-def _boards() -> dict[str, _Board]:
+def _boards(departure: str | None) -> dict[str, _Board]:
     from motoremi.blind import hard, hard_table, investigation, investigation_table, scoreboard, scoreboard_text, spectra
 
     return {
         "usual": _Board("blind test", scoreboard.play_all, scoreboard.summary, scoreboard_text.markdown, scoreboard_text.write_all),
-        "hard": _Board("blind test outside the protocol", hard.play_all, hard.summary, hard_table.markdown, hard_table.write_all),
+        "hard": _Board(
+            "blind test outside the protocol", partial(hard.play_all, departure=departure), hard.summary, hard_table.markdown, hard_table.write_all
+        ),
         "investigate": _Board(
             "investigations", investigation.play_all, investigation.summary, investigation_table.markdown, investigation_table.write_all
         ),
