@@ -11,6 +11,7 @@ import motoremi as me
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.starts import seen
 from motoremi.model.effects import catalogue
+from motoremi.model.effects.open_alone import divisions
 from motoremi.model.effects.start import Set, Subtract
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 401)
@@ -218,3 +219,35 @@ def test_a_pair_starts_from_one_suppressor_whose_frame_holds_the_other():
     starts = list(reader(dataclasses.replace(seen(suppressed("pair")), place="pair")))
     assert any(start.get(Subtract("Cf")) == pytest.approx(SUPPRESSOR["capacitance_f"], rel=2 * NEAR) for start in starts)
     assert not any(Subtract("Cf") in start for start in reader(dataclasses.replace(seen(suppressed("frame")), place="frame")))
+
+
+def divided(winding: np.ndarray, rotor: np.ndarray, effect: str) -> list[dict[str, float]]:
+    """All start values of an effect that the open-circuit sweep alone gives."""
+    (sweep,) = measured(winding, rotor, ("open",)).sweeps
+    reader = next(one.reader for one in catalogue() if one.name == effect)
+    assert reader is not None
+    return [{**one.elements, **start} for one in divisions(sweep.frequency_hz, sweep.mean_ohm) for start in reader(one.seen)]
+
+
+def test_the_open_sweep_alone_gives_a_second_cell_in_one_division_of_its_resonances():
+    cell = beside(S * 4e-7, 1 / (S * 3e-10), np.full_like(S, 500.0))
+    truth = {Set("Ra"): RA, Set("La"): LA, Set("Ca"): CA, Set("Rr"): RR, Set("Lr"): LR, Set("Cr"): CR, Set("Cf"): CF, "inductance_h": 4e-7}
+    found = divided(winding(S * LA) + cell, frame(), "second-resonance")
+    assert any({name: start[name] for name in truth} == pytest.approx(truth, rel=NEAR) for start in found)
+
+
+@pytest.mark.parametrize(
+    ("effect", "inside", "of_frame"), [("permeability-relaxation", relaxing(0.4, 3e6), frame()), ("bearing-film", S * LA, None)]
+)
+def test_a_relaxation_in_the_open_sweep_alone_is_tried_in_winding_and_frame(effect, inside, of_frame):
+    film = beside(np.full_like(S, 300.0), 1 / (S * 1e-9))
+    own = {"share": 0.4, "corner_hz": 3e6} if of_frame is not None else {"resistance_ohm": 300.0, "capacitance_f": 1e-9}
+    found = divided(winding(inside), frame(film) if of_frame is None else of_frame, effect)
+    truth = {Set("La"): LA, Set("Ca"): CA, Set("Lr"): LR, **own}
+    assert any({name: start[name] for name in truth} == pytest.approx(truth, rel=2 * NEAR) for start in found)
+
+
+@pytest.mark.parametrize("impedance", [10 + S * 1e-5 + 1 / (S * 1e-10), 1 / (S * 1e-12), S * 1e-3, 0.05 + 0 * S, -1 / (S * 1e-10)])
+def test_an_open_sweep_that_is_no_motor_gives_no_trouble(impedance):
+    for one in divisions(FREQUENCY_HZ, impedance):
+        assert all(np.isfinite(value) and value > 0 for value in one.elements.values())

@@ -31,7 +31,7 @@ from motoremi.fitting.race import (
     race,
     raced_alone,
 )
-from motoremi.fitting.result import Fit
+from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import CLOSER, Solution, misses_by_far
 from motoremi.model.effects import find_effect
 from motoremi.progress import part
@@ -75,7 +75,7 @@ class MotorBoard:
             trails = {**pairs, **beside}
         leading = self._near_best(size, solutions)
         near = self._refitted(trails, leading)
-        if size == 1 and not any(one.leaves_nothing for one in near):
+        if size == 1 and not any(one.leaves_nothing and one.fit.instrument_sigma <= SPECIFIED_SIGMA for one in near):
             behind = {key: trail for key, trail in trails.items() if key not in solutions}
             with_parts, again = self._counted()
             again |= left_behind(behind, {key: self._reached[key[-1]] for key in behind}, self._each)

@@ -42,6 +42,7 @@ from motoremi.fitting.starts import base_starts, seen
 from motoremi.fitting.vanishing import no_worse
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.effects.open_alone import Division, divisions
 from motoremi.model.effects.seen import Seen
 from motoremi.model.effects.start import with_start
 from motoremi.model.effects.validity import active_at
@@ -236,6 +237,9 @@ def trail_to(
     if added.effect.reader is not None:
         seen_now = [_seen_by(before, added.place), *(() if rival is None else (_seen_in(rival, added.place),))]
         tried += [dict(start) for seen_one in seen_now for start in added.effect.reader(seen_one)]
+        for one in _open_alone(before.measurement):
+            seen_so = dataclasses.replace(one.seen, parameters=before.parameters, place=added.place)
+            tried += [{**one.elements, **start} for start in added.effect.reader(seen_so)]
     if near:
         bases = [{**own, **near}, own]
     else:
@@ -362,6 +366,15 @@ def _seen_by(fit: Fit, place: str = "") -> Seen:
     sweeps = seen(fit.measurement.coarse)
     model = None if sweeps.frequency_hz is None else fit.model_ohm("short", sweeps.frequency_hz)
     return dataclasses.replace(sweeps, model_ohm=model, parameters=fit.parameters, place=place)
+
+
+@lru_cache(maxsize=4)
+def _open_alone(measurement: Measurement) -> list[Division]:
+    """If there is only the open-circuit sweep: what both sweeps may be."""
+    if measurement.terminations != ("open",):
+        return []
+    (sweep,) = measurement.coarse.sweeps
+    return divisions(sweep.frequency_hz, sweep.mean_ohm)
 
 
 @lru_cache(maxsize=4)
