@@ -458,7 +458,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     """Probability of the named set times the lowest `RELIABLE` of all kinds that apply."""
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
     if len(named) > 1:
-        kinds.append("two names that leave something" if judgement.leaves_something else "two names")
+        kinds.append("two names")
     if named and judgement.model.unusual:
         kinds.append("unusual values")
     if named and judgement.base.measurement.terminations == ("open",):
