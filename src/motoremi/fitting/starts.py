@@ -30,13 +30,11 @@ def data_driven_starts(measurement: Measurement) -> tuple[Mapping[str, float], .
     winding = _winding(measurement)
     if not winding:
         return ()
-    apart = open_and_winding(measurement)
-    if apart is None:
+    both = seen(measurement)
+    if both.frame is None or both.open_ohm is None:
         return (winding,)
-    at, seen, through = apart
-    chosen = informative_points(at, seen, FRAME_POINTS)
-    uncertain = np.hypot(np.abs(seen), np.abs(through))
-    return tuple({**winding, **frame} for frame in frames(at[chosen], (seen - through)[chosen], uncertain[chosen]))
+    chosen = informative_points(both.frame.frequency_hz, both.open_ohm, FRAME_POINTS)
+    return tuple({**winding, **elements} for elements in frames(*both.frame.at(chosen)))
 
 
 def open_and_winding(measurement: Measurement) -> tuple[FloatArray, ComplexArray, ComplexArray] | None:

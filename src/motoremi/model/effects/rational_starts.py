@@ -77,7 +77,7 @@ def relaxing_core(seen: Seen) -> list[dict[Any, float]]:
 
 def film(seen: Seen) -> list[dict[Any, float]]:
     """A film in series with Rr."""
-    return _from(seen.frame, _film)
+    return _from(seen.film, _film)
 
 
 def leak(seen: Seen) -> list[dict[Any, float]]:
@@ -419,11 +419,10 @@ def frame_behind_strap(seen: Seen) -> list[dict[Any, float]]:
 
     The resonance of a strap with Cf is sharp, and a model without it takes the elements of the frame for it.
     """
-    if seen.frame_hz is None or seen.open_ohm is None or seen.through_ohm is None:
+    if seen.frame is None:
         return []
-    step = max(1, seen.frame_hz.size // FRAME_POINTS)
-    frequency, measured, winding = seen.frame_hz[::step], seen.open_ohm[::step], seen.through_ohm[::step]
-    found = frames(frequency, measured - winding, np.hypot(np.abs(measured), np.abs(winding)), has_strap=True)
+    step = max(1, seen.frame.frequency_hz.size // FRAME_POINTS)
+    found = frames(*seen.frame.at(slice(None, None, step)), has_strap=True)
     straps = [(one.pop("inductance_h"), one) for one in found]
     return [
         {**{Set(name): value for name, value in frame.items()}, **CONDUCTOR_REST, "inductance_h": henry} for henry, frame in straps if henry > 0

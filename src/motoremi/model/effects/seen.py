@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model.rational import Rational, rational_fit
@@ -18,6 +20,18 @@ LEAST_OHM = 1e-3
 def winding_of(b0: float, b1: float, a2: float, middle: float) -> dict[str, float]:
     """Ra, La and Ca of the winding with the impedance (b0 + b1 p)/(1 + a1 p + a2 p^2), p being s over `middle`."""
     return {"Ra": max(float(b0), LEAST_OHM), "La": float(b1 / middle), "Ca": float(a2 / b1 / middle)}
+
+
+class Frame(NamedTuple):
+    """The impedance of the path to the frame, and its error up to a common factor: both sweeps have the same relative error."""
+
+    frequency_hz: FloatArray
+    impedance_ohm: ComplexArray
+    error_ohm: FloatArray
+
+    def at(self, points: NDArray[np.intp] | slice) -> Frame:
+        """Some of its points."""
+        return Frame(self.frequency_hz[points], self.impedance_ohm[points], self.error_ohm[points])
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +62,13 @@ class Seen:
     place: str = ""
 
     @property
+    def frame(self) -> Frame | None:
+        """The path to the frame: the difference of the two sweeps; None without one of them."""
+        if self.frame_hz is None or self.open_ohm is None or self.through_ohm is None:
+            return None
+        return Frame(self.frame_hz, self.open_ohm - self.through_ohm, np.hypot(np.abs(self.open_ohm), np.abs(self.through_ohm)))
+
+    @property
     def lowest_inductance_h(self) -> float | None:
         """The inductance at the low end of the short-circuit sweep; None if it is not inductive there."""
         if self.frequency_hz is None or self.short_ohm is None:
@@ -66,10 +87,11 @@ class Seen:
     @property
     def frame_capacitance_f(self) -> float | None:
         """The capacitance to the frame at the low end of the open-circuit sweep; None if it is not capacitive there."""
-        if self.frame_hz is None or self.open_ohm is None or self.through_ohm is None:
+        frame = self.frame
+        if frame is None:
             return None
-        reactance_ohm = float((self.open_ohm - self.through_ohm).imag[0])
-        return -1 / (2 * np.pi * float(self.frame_hz[0]) * reactance_ohm) if reactance_ohm < 0 else None
+        reactance_ohm = float(frame.impedance_ohm.imag[0])
+        return -1 / (2 * np.pi * float(frame.frequency_hz[0]) * reactance_ohm) if reactance_ohm < 0 else None
 
     @cached_property
     def resonating(self) -> Rational | None:
@@ -92,7 +114,7 @@ class Seen:
         return self.short_rational((4, 3))
 
     @cached_property
-    def frame(self) -> Rational | None:
+    def film(self) -> Rational | None:
         """Rational fit of s times the difference of the sweeps, with the degrees of a frame with one more time constant."""
         return self._frame_rational((3, 3), 1)
 
@@ -103,11 +125,11 @@ class Seen:
 
     def _frame_rational(self, degrees: tuple[int, int], power: int) -> Rational | None:
         """A rational fit of a power of s times the difference of the sweeps; None without one of them."""
-        if self.frame_hz is None or self.open_ohm is None or self.through_ohm is None:
+        frame = self.frame
+        if frame is None:
             return None
-        factor = (2j * np.pi * self.frame_hz) ** power
-        weight = 1 / (np.abs(factor) * np.hypot(np.abs(self.open_ohm), np.abs(self.through_ohm)))
-        return rational_fit(self.frame_hz, factor * (self.open_ohm - self.through_ohm), weight, degrees)
+        factor = (2j * np.pi * frame.frequency_hz) ** power
+        return rational_fit(frame.frequency_hz, factor * frame.impedance_ohm, 1 / (np.abs(factor) * frame.error_ohm), degrees)
 
     def short_rational(self, degrees: tuple[int, int]) -> Rational | None:
         """A rational fit of the short-circuit sweep; None without one."""
