@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from motoremi.data.columns import find_columns, unit_trouble
+from motoremi.data.columns import find_columns, unit_trouble, with_units
 from motoremi.data.table import Table
 
 
@@ -98,15 +98,43 @@ def test_doubtful_titles_are_not_taken(title: str) -> None:
     [
         (("f [Hz]", "R[furlong]"), "the unit 'furlong' of column 'R[furlong]' is not known: use uOhm, mOhm, Ohm, kOhm or MOhm"),
         (("f [Hz]", "R (MOHM)"), "the unit 'MOHM' of column 'R (MOHM)' may be milli or mega: write mOhm or MOhm"),
-        (("f [Hz]", "phase"), "the column 'phase' has no unit: add deg or rad"),
+        (("f [Hz]", "phase"), "the column 'phase' has no unit: add deg or rad; or tell the units to motoremi import, for example --unit phase=deg"),
         (
             ("f", "Z", "ESR"),
-            "the column 'f' has no unit: add Hz, kHz, MHz or GHz; the columns 'Z', 'ESR' have no unit: add uOhm, mOhm, Ohm, kOhm or MOhm",
+            "the column 'f' has no unit: add Hz, kHz, MHz or GHz; the columns 'Z', 'ESR' have no unit: add uOhm, mOhm, Ohm, kOhm or "
+            "MOhm; or tell the units to motoremi import, for example --unit f=Hz --unit Z=Ohm --unit ESR=Ohm",
         ),
         (("S11_short", "S11 (dB)"), ""),
-        (("level",), "the column 'level' has no unit: add dBuV or dBm"),
+        (("level",), "the column 'level' has no unit: add dBuV or dBm; or tell the units to motoremi import, for example --unit level=dBuV"),
         (("f [Hz]", "R of the lead", "R(Ohm)-mem", "level_db", "remark"), ""),
     ],
 )
 def test_the_unit_that_is_not_known_is_named(titles: tuple[str, ...], says: str) -> None:
     assert unit_trouble(table(*titles)) == says
+
+
+@pytest.mark.parametrize(
+    ("titles", "meaning"),
+    [
+        (("Frequency (Hz)", "Trace 1: Impedance: Real (Ω)", "Trace 1: Impedance: Imag (Ω)"), {"frequency", "resistance", "reactance"}),
+        (("Trace 2: Admittance: Magnitude (S)", "Trace 2: Admittance: Phase (°)"), {"admittance", "admittance_phase"}),
+        (("f / Hz", "|Z| / Ohm", "phi / Grad"), {"frequency", "magnitude", "phase"}),
+        (("Frequenz [kHz]", "Betrag (Ω)", "Phase (°)"), {"frequency", "magnitude", "phase"}),
+        (("Frequenz [kHz]", "Z Realteil (Ω)", "Z Imaginärteil (Ω)"), {"frequency", "resistance", "reactance"}),
+        (("Fréquence (kHz)", "Module (Ω)", "Phase (degrés)"), {"frequency", "magnitude", "phase"}),
+        (("Frecuencia (Hz)", "Módulo (Ω)", "Fase (grados)"), {"frequency", "magnitude", "phase"}),
+        (("Frequenza (MHz)", "Modulo (ohm)", "Fase (gradi)"), {"frequency", "magnitude", "phase"}),
+    ],
+)
+def test_names_as_laboratories_write_them(titles: tuple[str, ...], meaning: set[str]) -> None:
+    found = find_columns(table(*titles))
+    assert set(found) == meaning
+    assert all(found[one].factor == 1 for one in meaning - {"frequency"})
+
+
+def test_units_that_the_user_gives() -> None:
+    given, told = with_units(table("No", "FREQ", "Z", "PHASE"), {"freq": "kHz", "Z": "mOhm", "PHASE": "deg", "level": "dBuV"})
+    assert {meaning: column.factor for meaning, column in find_columns(given).items()} == {"frequency": 1e3, "magnitude": 1e-3, "phase": 1.0}
+    assert told == ("units as given: FREQ in kHz, Z in mOhm, PHASE in deg",)
+    assert with_units(table("f [Hz]"), {"f": "kHz"}) == (table("f [Hz]"), ())
+    assert "unit 'furlong'" in unit_trouble(with_units(table("f", "Z"), {"Z": "furlong"})[0])

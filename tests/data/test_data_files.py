@@ -233,7 +233,7 @@ def test_header_text_cannot_command_a_terminal(tmp_path: Path) -> None:
         ([HEAD.replace(",", ";"), *("1,000,000;1;1" for _ in range(8))], ["line 2", "1,000,000"]),
         (["frequency_hz,resistance_ohm", *(r.rsplit(",", 1)[0] for r in rows())], ["found", "reactance_ohm"]),
         (["a,b,c", *rows()], ["a, b, c", "frequency_hz", "phase_deg"]),
-        (["frequency,resistance_ohm,reactance_ohm", *rows()], ["frequency_hz"]),
+        (["frequency,resistance_ohm,reactance_ohm", *rows()], ["'frequency' has no unit", "--unit frequency=Hz"]),
         (["time_s,resistance_ohm,reactance_ohm", *rows()], ["time_s", "frequency_hz"]),
         ([HEAD + ",r_ohm", *(r + ",1" for r in rows())], ["'r_ohm'", "keep one"]),
         (["frequency_hz,impedance_db,phase_deg", *rows()], ["decibel", "ohm"]),

@@ -214,3 +214,31 @@ def test_fixture_of_two_ports(tmp_path: Path, short: Path) -> None:
     told = imported(tmp_path, "--short", short, "--open", tmp_path / "open.s2p", "--fixture", "series-through")
     assert "open.s2p (touchstone, S21 of a series-through fixture, Z = 2 Z0 (1 - S21)/S21, Z0 = 50 Ohm): 31 points" in told
     np.testing.assert_allclose(load(tmp_path / "s").sweeps[1].impedance_ohm, IMPEDANCE, rtol=1e-9)
+
+
+def rows_of_names(tmp_path: Path, *names: str) -> Path:
+    """A file with these lines above its rows of frequency, resistance and reactance."""
+    path = tmp_path / "rows.csv"
+    path.write_text("\n".join([*names, *(f"{f!r},{z.real!r},{z.imag!r}" for f, z in zip(FREQUENCY.tolist(), IMPEDANCE.tolist(), strict=True))]))
+    return path
+
+
+@pytest.mark.parametrize("names", [("Frequency,Resistance,Reactance", "Hz,Ohm,Ohm"), ("# f,R,X", "# [Hz],[Ohm],[Ohm]"), ("# f,R,X", "Hz,Ohm,Ohm")])
+def test_names_and_units_in_two_rows(tmp_path: Path, names: tuple[str, ...]) -> None:
+    imported(tmp_path, "--short", rows_of_names(tmp_path, *names))
+    np.testing.assert_array_equal(load(tmp_path / "s").sweeps[0].impedance_ohm, IMPEDANCE)
+
+
+def test_units_that_the_file_does_not_name(tmp_path: Path) -> None:
+    path = rows_of_names(tmp_path, "f,R,X")
+    with pytest.raises(BadInput, match="--unit f=Hz --unit R=Ohm --unit X=Ohm"):
+        imported(tmp_path, "--short", path)
+    with pytest.raises(BadInput, match="no file has a column 'FREQ'"):
+        imported(tmp_path, "--short", touchstone(tmp_path / "file", FREQUENCY, IMPEDANCE), "--unit", "FREQ=Hz")
+    with pytest.raises(BadInput, match="--unit 'f': write the column's name"):
+        imported(tmp_path, "--short", path, "--unit", "f")
+    told = imported(tmp_path, "--unit", "f=kHz", "--unit", "R=mOhm", "--unit", "X=mOhm", "--short", path)
+    assert "units as given: f in kHz, R in mOhm, X in mOhm" in told
+    (sweep,) = load(tmp_path / "s").sweeps
+    np.testing.assert_allclose(sweep.impedance_ohm, 1e-3 * IMPEDANCE, rtol=1e-15)
+    np.testing.assert_allclose(sweep.frequency_hz, 1e3 * FREQUENCY, rtol=1e-15)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 SEVERAL_FILES = ("--short", "--open", "--spectrum")
 ONE_VALUE = (
     *("--analyser", "--motor", "--serial", "--operator", "--ambient", "--fixture", "--band", "--accuracy", "--corrections", "--limit"),
-    *("--condition", "--value"),
+    *("--condition", "--value", "--unit"),
 )
 
 

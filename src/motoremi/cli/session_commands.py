@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -15,6 +15,7 @@ from motoremi.report.kinds import PLOTS, SECTIONS
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict
+    from motoremi.data.spectrum import Spectrum
     from motoremi.data.sweep import ImpedanceSweep
     from motoremi.diagnosis.diagnosis import Diagnosis
     from motoremi.fitting.result import Fit
@@ -61,6 +62,10 @@ def import_(
     band: Annotated[
         str, typer.Option("--band", metavar="LOW:HIGH", help="Part of the sweeps to use, for example 150kHz:30MHz; the rest is left out.")
     ] = "",
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column whose name has none: FREQ=Hz, Z=Ohm, PHASE=deg; may be repeated."),
+    ] = None,
     accuracy: Annotated[
         str, typer.Option("--accuracy", metavar="PERCENT", help="Accuracy of the sweeps in percent of |Z|; a model with this error is good enough.")
     ] = "",
@@ -91,13 +96,15 @@ def import_(
     from motoremi.workflow_import import ImportOptions, addition, prepared
 
     values = [parse_value(text) for text in value or []]
-    span = parse_band(band) if band else None
+    span, units = parse_band(band) if band else None, _units(unit or [])
     if append:
         beside = {"--spectrum": spectrum, "--corrections": corrections, "--limit": limit}
         for name in (name for name, given in beside.items() if given):
             raise BadInput(f"{name} is for a new session: leave it out with --append")
         under = parse_condition(condition) if condition else None
-        added = addition(out, _sweeps(short or [], open_ or [], fixture, span), values, under, ImportOptions(analyser, band, accuracy))
+        further = _sweeps(short or [], open_ or [], fixture, span, units)
+        _check_units(units, further)
+        added = addition(out, further, values, under, ImportOptions(analyser, band, accuracy))
         added.store(out)
         _show_addition(out, added, as_json)
         return
@@ -106,8 +113,9 @@ def import_(
     files = [*(short or []), *(open_ or []), *(spectrum or [])]
     if not files:
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
-    read = _sweeps(short or [], open_ or [], fixture, span)
-    spectra = [item for path in spectrum or [] for item in read_spectra(path)]
+    read = _sweeps(short or [], open_ or [], fixture, span, units)
+    spectra = [item for path in spectrum or [] for item in read_spectra(path, units)]
+    _check_units(units, [*read, *spectra])
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
     stated = ImportOptions(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient)
     made = prepared(read, spectra, stated, [path.name for path in files], values)
@@ -178,7 +186,26 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
     say(f"next: motoremi diagnose {session}")
 
 
-def _sweeps(short: list[Path], open_: list[Path], fixture: str | None, band: tuple[float, float] | None) -> list[ImpedanceSweep]:
+def _units(given: list[str]) -> dict[str, str]:
+    """Units of columns by name, from `COLUMN=UNIT`."""
+    units = {}
+    for text in given:
+        name, equals, unit = text.rpartition("=")
+        if not (name.strip() and equals and unit.strip()):
+            raise BadInput(f"--unit {text!r}: write the column's name, = and its unit, for example --unit FREQ=Hz")
+        units[name.strip()] = unit.strip()
+    return units
+
+
+def _check_units(units: dict[str, str], read: Sequence[ImpedanceSweep | Spectrum]) -> None:
+    """Refuse units that no file needs: the name of a column may be mistyped."""
+    if units and not any(change.startswith("units as given") for one in read for change in one.metadata.get("changes", ())):
+        raise BadInput(f"--unit is for columns of tables: no file has a column {' or '.join(map(repr, units))}")
+
+
+def _sweeps(
+    short: list[Path], open_: list[Path], fixture: str | None, band: tuple[float, float] | None, units: dict[str, str]
+) -> list[ImpedanceSweep]:
     """The sweeps of all files, within a band in hertz if one is named.
 
     Raises
@@ -189,7 +216,7 @@ def _sweeps(short: list[Path], open_: list[Path], fixture: str | None, band: tup
     from motoremi.data.files import read_impedance
 
     files = [(path, "short") for path in short] + [(path, "open") for path in open_]
-    sweeps = [read_impedance(path, termination, fixture, band) for path, termination in files]
+    sweeps = [read_impedance(path, termination, fixture, band, units) for path, termination in files]
     if fixture is not None and not any(sweep.metadata["read_as"].startswith("S21") for sweep in sweeps):
         raise BadInput("--fixture is for Touchstone files of two ports (.s2p), and none of the files is one")
     return sweeps

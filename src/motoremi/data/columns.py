@@ -1,25 +1,24 @@
 """Recognise the columns of a table by name and unit, as people and instruments write them.
 
 A title is the name of a quantity, then its unit, as in `R[mOhm]`, `Re{Z}/Ohm`, `|Z| in kOhm`, `Frequency (MHz)` or `resistance_ohm`.
-The longest known name counts; blanks, brackets, `/`, `,`, `_`, `-` and the word `in` may stand between name and unit. Case matters for one
-letter only: before ohm, `m` is milli and `M` is mega; a unit in capitals throughout (`MOHM`) could be either and is refused.
-Before hertz both are mega, before all other units both are milli. A minus in front of the name, as in `-Im(Z)`, changes the sign.
+The longest known name counts; blanks, brackets, `/`, `,`, `_`, `-` and the word `in` may stand between name and unit (`units`). A minus in front
+of the name, as in `-Im(Z)`, changes the sign. Some names are German, French, Spanish or Italian; accents do not matter.
 """
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from motoremi.data.table import Table
-from motoremi.data.text import clean_text
+from motoremi.data.text import clean_text, without_accents
+from motoremi.data.units import ANGLE, DBM, DBUV, FARAD, HENRY, HERTZ, NUMBER, OHM, SIEMENS, Units
 from motoremi.errors import BadInput
 
 _BETWEEN = r"\s()\[\]{}<>/\-_.,:;="
 _SEPARATORS = re.compile(f"[{_BETWEEN}]+")
-_BRACKETS = re.compile(r"[\s()\[\]{}<>]+")
 # An E4990A marks its data traces with `-data`, and the memory traces that it keeps for comparison with `-mem`.
 _TRACE_MARK = re.compile(r"[\s_\-]*\bdata$|_data$", re.IGNORECASE)
 _MEMORY = re.compile(r"-mem\s*$", re.IGNORECASE)
@@ -28,19 +27,7 @@ _TRACE_NUMBER = re.compile(r"^Trace(?:\s*[0-9]+)?\s*(?::|\s)\s*", re.IGNORECASE)
 _MINUS = re.compile(r"^[-−–]\s*")
 _LONGEST_TITLE = 80
 _NAME_SPELLINGS = str.maketrans({"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "∠": "phase ", "’": "'", "′": "'", "″": "''"})
-_UNIT_SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "Ω": "ohm", "\u2126": "ohm", "ω": "ohm", "°": "deg", "º": "deg"})
 _DECIBEL = re.compile(r"(?:^|_)db(?:[a-zµμ]*)(?:_|$)")
-
-_PREFIXES = {
-    1e-12: ("p", "pico"),
-    1e-9: ("n", "nano"),
-    1e-6: ("u", "micro"),
-    1e-3: ("m", "milli"),
-    1.0: ("",),
-    1e3: ("k", "kilo", "kil"),
-    1e6: ("M", "mega", "meg"),
-    1e9: ("g", "giga", "gig"),
-}
 
 
 @dataclass(frozen=True)
@@ -52,96 +39,58 @@ class Column:
 
 
 @dataclass(frozen=True)
-class _Units:
-    """The units of one kind of quantity: as shown in messages, and the factor of each."""
-
-    shown: str
-    factors: dict[str, float]
-
-    def factor(self, text: str) -> float | None:
-        """The factor of a unit as written, None if it is not known or ambiguous."""
-        plain = _BRACKETS.sub("", text).strip(".").translate(_UNIT_SPELLINGS)
-        if self.is_ambiguous(plain):
-            return None
-        lower = plain.lower()
-        return self.factors.get(plain[:1] + lower[1:], self.factors.get(lower))
-
-    def is_ambiguous(self, text: str) -> bool:
-        """Whether it is written in capitals throughout, so that M may be milli or mega."""
-        rest = text[1:].lower()
-        return text.isupper() and text.startswith("M") and "m" + rest in self.factors and "M" + rest in self.factors
-
-
-def _prefixed(shown: str, lowest: float, highest: float, *words: str) -> _Units:
-    spellings = {spelling: size for size, names in _PREFIXES.items() if lowest <= size <= highest for spelling in names}
-    if "m" not in spellings and "M" in spellings:
-        spellings["m"] = spellings.pop("M")
-    return _Units(shown, {spelling + word: size for spelling, size in spellings.items() for word in words})
-
-
-_HERTZ = _prefixed("Hz, kHz, MHz or GHz", 1.0, 1e9, "hz", "hertz")
-_OHM = _prefixed("uOhm, mOhm, Ohm, kOhm or MOhm", 1e-9, 1e9, "ohm", "ohms")
-_SIEMENS = _prefixed("nS, uS, mS or S", 1e-12, 1.0, "s", "siemens", "mho")
-_HENRY = _prefixed("nH, uH, mH or H", 1e-12, 1.0, "h", "henry")
-_FARAD = _prefixed("pF, nF, uF or F", 1e-12, 1.0, "f", "farad")
-_ANGLE = _Units(
-    "deg or rad",
-    {**dict.fromkeys(("deg", "degree", "degrees"), 1.0), **dict.fromkeys(("rad", "radian", "radians"), 180 / math.pi), "mrad": 0.18 / math.pi},
-)
-_DBUV = _Units("dBuV", {"dbuv": 1.0})
-_DBM = _Units("dBm", {"dbm": 1.0})
-_NUMBER = _Units("no unit", {"": 1.0})
-
-
-@dataclass(frozen=True)
 class _Quantity:
     meaning: str
-    units: _Units
+    units: Units
     names: tuple[str, ...]
 
 
-def _part(symbol: str, *words: str) -> tuple[str, ...]:
+def _part(symbols: str | Sequence[str], *words: str) -> tuple[str, ...]:
     """Names of a part of a quantity: `re_z`, `z_re` and so on."""
-    return tuple(name for word in words for name in (f"{word}_{symbol}", f"{symbol}_{word}", f"{symbol}{word}"))
+    every = (symbols,) if isinstance(symbols, str) else symbols
+    return tuple(name for symbol in every for word in words for name in (f"{word}_{symbol}", f"{symbol}_{word}", f"{symbol}{word}"))
 
 
-_REAL = ("re", "real")
-_IMAGINARY = ("im", "imag", "imaginary")
-_MAGNITUDE = ("abs", "mag", "magnitude", "modulus")
-_PHASE = ("phase", "theta", "arg", "angle", "phi")
+_REAL = ("re", "real", "realteil", "reelle", "reale")
+_IMAGINARY = ("im", "imag", "imaginary", "imaginarteil", "imaginaire", "imaginaria", "immaginaria")
+_MAGNITUDE = ("abs", "mag", "magnitude", "modulus", "betrag", "module", "modulo")
+_PHASE = ("phase", "theta", "arg", "angle", "phi", "fase")
+_IMPEDANCE = ("impedance", "impedanz", "impedancia", "impedenza")
+_FREQUENCY = ("frequency", "freq", "f", "frequenz", "frequence", "frecuencia", "frequenza")
 _LEVEL = ("level", "amplitude", "power")
+_Z, _Y = ("z", *_IMPEDANCE), ("y", "admittance")
 _QUANTITIES = (
-    _Quantity("frequency", _HERTZ, ("frequency", "freq", "f", "frequenz")),
-    _Quantity("resistance", _OHM, ("resistance", "r", *_REAL, "z'", *_part("z", *_REAL))),
-    _Quantity("reactance", _OHM, ("reactance", "x", "xs", *_IMAGINARY, "z''", *_part("z", *_IMAGINARY))),
-    _Quantity("magnitude", _OHM, ("impedance", "z", "|z|", "magnitude", "impedance_magnitude", "impedanz_betrag", *_part("z", *_MAGNITUDE))),
-    _Quantity("phase", _ANGLE, (*_PHASE, "phase_angle", "impedance_phase", "impedanz_phase", *_part("z", *_PHASE))),
-    _Quantity("conductance", _SIEMENS, ("conductance", "g", "gp", *_part("y", *_REAL))),
-    _Quantity("susceptance", _SIEMENS, ("susceptance", "b", "bp", *_part("y", *_IMAGINARY))),
-    _Quantity("admittance", _SIEMENS, ("admittance", "y", "|y|", "admittance_magnitude", *_part("y", *_MAGNITUDE))),
-    _Quantity("admittance_phase", _ANGLE, ("admittance_phase", *_part("y", *_PHASE))),
-    _Quantity("series_inductance", _HENRY, ("ls", "series_inductance")),
-    _Quantity("parallel_inductance", _HENRY, ("lp", "parallel_inductance")),
-    _Quantity("series_capacitance", _FARAD, ("cs", "series_capacitance")),
-    _Quantity("parallel_capacitance", _FARAD, ("cp", "parallel_capacitance")),
-    _Quantity("series_resistance", _OHM, ("rs", "esr", "series_resistance")),
-    _Quantity("parallel_resistance", _OHM, ("rp", "parallel_resistance")),
-    _Quantity("dissipation_factor", _NUMBER, ("d", "dissipation_factor", "tan_delta")),
-    _Quantity("quality_factor", _NUMBER, ("q", "quality_factor")),
-    _Quantity("s11", _NUMBER, ("s11",)),
-    _Quantity("s11_real", _NUMBER, _part("s11", *_REAL)),
-    _Quantity("s11_imag", _NUMBER, _part("s11", *_IMAGINARY)),
-    _Quantity("level", _DBUV, _LEVEL),
-    _Quantity("level_dbm", _DBM, _LEVEL),
-    _Quantity("level_dbm", _NUMBER, ("dbm",)),
+    _Quantity("frequency", HERTZ, _FREQUENCY),
+    _Quantity("resistance", OHM, ("resistance", "r", *_REAL, "z'", *_part(_Z, *_REAL))),
+    _Quantity("reactance", OHM, ("reactance", "x", "xs", *_IMAGINARY, "z''", *_part(_Z, *_IMAGINARY))),
+    _Quantity("magnitude", OHM, (*_Z, "|z|", *_MAGNITUDE[2:], *_part(_Z, *_MAGNITUDE))),
+    _Quantity("phase", ANGLE, (*_PHASE, "phase_angle", *_part(_Z, *_PHASE))),
+    _Quantity("conductance", SIEMENS, ("conductance", "g", "gp", *_part(_Y, *_REAL))),
+    _Quantity("susceptance", SIEMENS, ("susceptance", "b", "bp", *_part(_Y, *_IMAGINARY))),
+    _Quantity("admittance", SIEMENS, (*_Y, "|y|", *_part(_Y, *_MAGNITUDE))),
+    _Quantity("admittance_phase", ANGLE, _part(_Y, *_PHASE)),
+    _Quantity("series_inductance", HENRY, ("ls", "series_inductance")),
+    _Quantity("parallel_inductance", HENRY, ("lp", "parallel_inductance")),
+    _Quantity("series_capacitance", FARAD, ("cs", "series_capacitance")),
+    _Quantity("parallel_capacitance", FARAD, ("cp", "parallel_capacitance")),
+    _Quantity("series_resistance", OHM, ("rs", "esr", "series_resistance")),
+    _Quantity("parallel_resistance", OHM, ("rp", "parallel_resistance")),
+    _Quantity("dissipation_factor", NUMBER, ("d", "dissipation_factor", "tan_delta")),
+    _Quantity("quality_factor", NUMBER, ("q", "quality_factor")),
+    _Quantity("s11", NUMBER, ("s11",)),
+    _Quantity("s11_real", NUMBER, _part("s11", *_REAL)),
+    _Quantity("s11_imag", NUMBER, _part("s11", *_IMAGINARY)),
+    _Quantity("level", DBUV, _LEVEL),
+    _Quantity("level_dbm", DBM, _LEVEL),
+    _Quantity("level_dbm", NUMBER, ("dbm",)),
     # Columns named after a detector, as written by receiver software.
-    _Quantity("level peak", _DBUV, ("peak", "max_peak", "maxpeak", "pk")),
-    _Quantity("level quasi-peak", _DBUV, ("quasi_peak", "quasipeak", "qp", "qpk")),
-    _Quantity("level average", _DBUV, ("average", "avg", "av")),
-    _Quantity("level cispr-average", _DBUV, ("cispr_average", "caverage", "cav", "cispr_av")),
-    _Quantity("level rms-average", _DBUV, ("rms_average", "cispr_rms", "crms", "rms_avg")),
-    _Quantity("sigma_relative", _NUMBER, ("sigma_relative",)),
-    _Quantity("overload", _NUMBER, ("overload",)),
+    _Quantity("level peak", DBUV, ("peak", "max_peak", "maxpeak", "pk")),
+    _Quantity("level quasi-peak", DBUV, ("quasi_peak", "quasipeak", "qp", "qpk")),
+    _Quantity("level average", DBUV, ("average", "avg", "av")),
+    _Quantity("level cispr-average", DBUV, ("cispr_average", "caverage", "cav", "cispr_av")),
+    _Quantity("level rms-average", DBUV, ("rms_average", "cispr_rms", "crms", "rms_avg")),
+    _Quantity("sigma_relative", NUMBER, ("sigma_relative",)),
+    _Quantity("overload", NUMBER, ("overload",)),
 )
 # Names of quantities that a column of complex numbers may hold, and the titles of their parts.
 _PARTS = {
@@ -176,7 +125,7 @@ class _Title:
 
 def _normal(text: str) -> str:
     """One spelling for many: `Re(Z)`, `re{z}` and `Re_Z` are the same name."""
-    return _SEPARATORS.sub("_", text.lower().translate(_NAME_SPELLINGS)).strip("_")
+    return _SEPARATORS.sub("_", without_accents(text.lower().translate(_NAME_SPELLINGS))).strip("_")
 
 
 def _title(title: str) -> _Title | None:
@@ -225,11 +174,20 @@ def meanings_of(title: str) -> tuple[str, ...]:
 def complex_titles(title: str) -> tuple[str, str] | None:
     """Titles for the real and the imaginary part of a column of complex numbers, with its unit; None if its name is not known."""
     known = _title(title)
-    if known is None or known.name not in _PARTS or (known.unit and known.quantities[0].units is _NUMBER):
+    if known is None or known.name not in _PARTS or (known.unit and known.quantities[0].units is NUMBER):
         return None
     minus = "-" if known.sign < 0 else ""
     real, imaginary = _PARTS[known.name]
     return f"{minus}{real} {known.unit}".strip(), f"{minus}{imaginary} {known.unit}".strip()
+
+
+def with_units(table: Table, units: Mapping[str, str]) -> tuple[Table, tuple[str, ...]]:
+    """The table with the units that the user gives for columns by name, and what was given in words; other names are of other files."""
+    given = {name.strip().lower(): unit for name, unit in units.items()}
+    wanted = [given.get(title.strip().lower(), "") for title in table.columns]
+    titles = tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(table.columns, wanted, strict=True))
+    told = ", ".join(f"{clean_text(title, 40)} in {clean_text(unit, 40)}" for title, unit in zip(table.columns, wanted, strict=True) if unit)
+    return replace(table, columns=titles), (f"units as given: {told}",) if told else ()
 
 
 def unit_trouble(table: Table) -> str:
@@ -237,14 +195,17 @@ def unit_trouble(table: Table) -> str:
 
     All are named: ambiguous units first, then unknown ones, then missing ones. Decibels are left to `has_decibels`.
     """
+    without = [(title, known) for title, known in _without_unit(table) if not known.unit]
     unitless: dict[str, list[str]] = {}
-    for title, known in _without_unit(table):
-        if not known.unit:
-            unitless.setdefault(known.units_shown, []).append(repr(clean_text(title, 40)))
+    for title, known in without:
+        unitless.setdefault(known.units_shown, []).append(repr(clean_text(title, 40)))
     missing = [
         f"the column{'s' if len(titles) > 1 else ''} {', '.join(titles)} {'have' if len(titles) > 1 else 'has'} no unit: add {units}"
         for units, titles in unitless.items()
     ]
+    if missing:
+        given = " ".join(f"--unit {shlex.quote(f'{clean_text(title, 40)}={known.quantities[0].units.base}')}" for title, known in without)
+        missing.append(f"or tell the units to motoremi import, for example {given}")
     return "; ".join([*(text for _, text in sorted(_unusable_units(table))), *missing])
 
 
@@ -256,7 +217,7 @@ def _without_unit(table: Table) -> Iterator[tuple[str, _Title]]:
         if known is None or known.interpreted() or re.search(r"[\s_]", known.unit) or known.unit.lower().startswith("db"):
             continue
         # A quantity without unit, such as S11, has none that could be wrong: the word belongs to the name.
-        if any(quantity.units is not _NUMBER for quantity in known.quantities):
+        if any(quantity.units is not NUMBER for quantity in known.quantities):
             yield title, known
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.agilent_ascii import is_agilent_ascii, parse_agilent_ascii
 from motoremi.data.analyser_csv import is_analyser_csv, plain_table
-from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble
+from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble, with_units
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
@@ -42,7 +42,13 @@ class WrongKind(BadInput):
 _IMPEDANCE_MEANINGS = {name for pair in PAIRS for name in (pair.first, pair.second)}
 
 
-def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str | None = None, band: Band | None = None) -> ImpedanceSweep:
+def read_impedance(
+    path: str | os.PathLike[str],
+    termination: str,
+    fixture: str | None = None,
+    band: Band | None = None,
+    units: Mapping[str, str] | None = None,
+) -> ImpedanceSweep:
     """Read one impedance sweep.
 
     Parameters
@@ -57,6 +63,8 @@ def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str 
         For Touchstone of two ports: whether the motor was connected in series between the ports, or across the line.
     band : (float, float), optional
         Both ends in hertz, included; rows outside are left out before the values of the others are checked.
+    units : mapping, optional
+        Units of columns of a table that does not name them, by the column's name: `{"FREQ": "Hz", "Z": "Ohm", "PHASE": "deg"}`.
 
     Returns
     -------
@@ -71,12 +79,14 @@ def read_impedance(path: str | os.PathLike[str], termination: str, fixture: str 
         One line with file, line number and what to do, if any number is in doubt.
     """
     name, text = _read_text(path)
-    return parse_impedance(text, name, termination, fixture, band)
+    return parse_impedance(text, name, termination, fixture, band, units)
 
 
-def parse_impedance(text: str, name: str, termination: str, fixture: str | None = None, band: Band | None = None) -> ImpedanceSweep:
+def parse_impedance(
+    text: str, name: str, termination: str, fixture: str | None = None, band: Band | None = None, units: Mapping[str, str] | None = None
+) -> ImpedanceSweep:
     """One impedance sweep from the text of a file; see `read_impedance`."""
-    rows, header, kind = _impedance_rows(text, name, termination, fixture, band)
+    rows, header, kind = _impedance_rows(text, name, termination, fixture, band, units or {})
     merged = merge_duplicates(rows)
     if "accuracy_percent" in header:
         header["accuracy_percent"] = _of_file(name, lambda: checked_accuracy(header["accuracy_percent"]))
@@ -91,7 +101,9 @@ def _condition(header: JsonDict, name: str) -> Condition | None:
     return _of_file(name, lambda: parse_condition(written[0])) if written else None
 
 
-def _impedance_rows(text: str, name: str, termination: str, fixture: str | None, band: Band | None) -> tuple[Rows, JsonDict, str]:
+def _impedance_rows(
+    text: str, name: str, termination: str, fixture: str | None, band: Band | None, units: Mapping[str, str]
+) -> tuple[Rows, JsonDict, str]:
     """The rows of a file, its header with `read_as`, and the name of its format."""
     if is_agilent_ascii(text):
         frequency, impedance, header = parse_agilent_ascii(text, name)
@@ -105,11 +117,12 @@ def _impedance_rows(text: str, name: str, termination: str, fixture: str | None,
         return rows, {**header, **known, "read_as": title}, "e4990a-csv" if "analyser" in known else "analyser-csv"
     if is_receiver_dat(text):
         raise WrongKind(f"{name}: is the spectrum of a receiver, but an impedance sweep is needed here")
-    rows, header, title = _rows_of_table(parse_table(text, name), termination, band)
-    return rows, {**header, "read_as": title}, "csv"
+    table, given = with_units(parse_table(text, name), units)
+    rows, header, title = _rows_of_table(table, termination, band)
+    return dataclasses.replace(rows, changes=(*rows.changes, *given)), {**header, "read_as": title}, "csv"
 
 
-def read_spectra(path: str | os.PathLike[str]) -> list[Spectrum]:
+def read_spectra(path: str | os.PathLike[str], units: Mapping[str, str] | None = None) -> list[Spectrum]:
     """Read the emission spectra of one file: one for each trace or column.
 
     Parameters
@@ -118,6 +131,8 @@ def read_spectra(path: str | os.PathLike[str]) -> list[Spectrum]:
         CSV with the columns `frequency_hz,level_dbuv` and the lines `# detector: peak` and `# rbw_hz: 9000`, or with columns named
         after detectors (`Frequency (MHz),QuasiPeak (dBuV),CAverage (dBuV)`); a receiver's DAT export; a tinySA's CSV. Without a
         bandwidth 9 kHz is assumed, and the metadata record it.
+    units : mapping, optional
+        As for `read_impedance`.
 
     Raises
     ------
@@ -125,10 +140,10 @@ def read_spectra(path: str | os.PathLike[str]) -> list[Spectrum]:
         One line with file, line number and what to do, if any number is in doubt.
     """
     name, text = _read_text(path)
-    return parse_spectra(text, name)
+    return parse_spectra(text, name, units)
 
 
-def parse_spectra(text: str, name: str) -> list[Spectrum]:
+def parse_spectra(text: str, name: str, units: Mapping[str, str] | None = None) -> list[Spectrum]:
     """The emission spectra from the text of a file; see `read_spectra`."""
     for is_other, what in (
         (is_agilent_ascii, "is an impedance sweep of a 4294A"),
@@ -142,7 +157,10 @@ def parse_spectra(text: str, name: str) -> list[Spectrum]:
     elif is_two_columns(text):
         spectra, kind = [parse_tinysa(text, name)], "tinysa-csv"
     else:
-        spectra, kind = _spectra_of_table(parse_table(text, name)), "csv"
+        table, given = with_units(parse_table(text, name), units or {})
+        changed = {"changes": list(given)} if given else {}
+        spectra = [dataclasses.replace(one, metadata={**one.metadata, **changed}) for one in _spectra_of_table(table)]
+        kind = "csv"
     return [dataclasses.replace(spectrum, metadata=_origin(spectrum.metadata, name, kind)) for spectrum in spectra]
 
 
@@ -286,9 +304,12 @@ def _wrong_columns(table: Table, found: dict[str, Column], needed: str, what: st
     if not troubles and has_decibels(table):
         wanted = "dBuV (in 50 Ohm: dBm + 107)" if needed == SPECTRUM_COLUMNS else "ohm"
         return BadInput(f"{table.name}: {have}, in another decibel unit; convert to {wanted}: needed are {needed}")
+    possible = _possible_meanings(table)
+    lacking = needed != SPECTRUM_COLUMNS and troubles and find_pair(possible) is None
+    if needed != SPECTRUM_COLUMNS and troubles and not lacking and "frequency" in possible:
+        return BadInput(f"{table.name}: {'; '.join(troubles)} ({have})")
     # What is missing apart from units is told at once.
-    hopeless = needed != SPECTRUM_COLUMNS and troubles and find_pair(_possible_meanings(table)) is None
-    why = f"no two of them give an impedance: needed are the columns {needed}" if hopeless else f"{what} needs the columns {needed}"
+    why = f"no two of them give an impedance: needed are the columns {needed}" if lacking else f"{what} needs the columns {needed}"
     if not any(meanings_of(title) for title in table.columns):
         troubles.insert(0, "there is no row of column names with units")
     return BadInput(f"{table.name}: {'; '.join([*troubles, have])}, but {why}")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from motoremi.data.numbers import complex_parts, looks_numeric
 from motoremi.data.text import clean_text
+from motoremi.data.units import are_units
 from motoremi.errors import BadInput
 
 BLANK = " "
@@ -42,13 +43,16 @@ class Head:
     comments : tuple of Line
         Without their marks.
     names : Line or None
-        The last line that is neither a comment nor a row of numbers: the column names, if they are not a comment.
+        The last line that is neither a comment nor a row of numbers: the column names or their units, if they are not a comment.
+    above : Line or None
+        The line before that one.
     rows : tuple of Line
         All lines below, comments among them.
     """
 
     comments: tuple[Line, ...]
     names: Line | None
+    above: Line | None
     rows: tuple[Line, ...]
 
 
@@ -79,13 +83,14 @@ def split_head(lines: Sequence[str]) -> Head:
         if comment is not None and not marked:
             comments.append(Line(line.number, comment))
         elif marked or _is_row(line.text):
-            return Head(tuple(comments), content[texts[-1]] if texts else None, tuple(content[index:]))
+            above = content[texts[-2]] if len(texts) > 1 else next(reversed(comments), None)
+            return Head(tuple(comments), content[texts[-1]] if texts else None, above if texts else None, tuple(content[index:]))
         else:
             texts.append(index)
     if not texts:
-        return Head(tuple(comments), None, ())
+        return Head(tuple(comments), None, None, ())
     # No line looks like a row: the first is taken for the names, and the others are refused as rows.
-    return Head(tuple(comments), content[texts[0]], tuple(content[texts[0] + 1 :]))
+    return Head(tuple(comments), content[texts[0]], None, tuple(content[texts[0] + 1 :]))
 
 
 def column_names(head: Head, where: str) -> Names:
@@ -104,22 +109,40 @@ def column_names(head: Head, where: str) -> Names:
         If there are none, or they are fewer than the values in the first row.
     """
     row = head.rows[0].text
-    named = head.names or next((comment for comment in reversed(head.comments) if comment.text), None)
+    above, named = _named(head)
     if named is None:
         raise BadInput(f"{where}: numbers where the column names are needed; {EXAMPLE}")
     separator = _separator(named.text if head.names else row)
     of_row = separator if separator in row else BLANK
     count = len(cells_of(row, of_row))
     own = separator if separator in named.text and separator != BLANK else _separator(named.text)
-    titles = _blank_separated(named.text, count) if own == BLANK else cells_of(named.text, own)
-    while titles and not titles[-1]:
-        titles.pop()
+    titles = _titles(named.text, own, count)
+    if above is not None and are_units(titles):
+        with_names = _titles(above.text, own, count)
+        if len(with_names) == len(titles):
+            titles = [f"{name} [{unit}]" if unit else name for name, unit in zip(with_names, titles, strict=True)]
     if len(titles) < 2 and head.names is None:
         raise BadInput(f"{where}: numbers where the column names are needed; {EXAMPLE}")
     unlike = count < len(titles) and head.names is None
     if unlike or count - len(titles) > _empty_at_end(row, of_row):
         raise BadInput(f"{where}: {_wrong_number(row, of_row, count, titles, named)}")
     return Names(tuple(titles), of_row)
+
+
+def _named(head: Head) -> tuple[Line | None, Line | None]:
+    """The last line above the numbers, which holds column names or their units, and the one before it."""
+    if head.names is not None:
+        return head.above, head.names
+    comments = [comment for comment in head.comments if comment.text]
+    return (comments[-2] if len(comments) > 1 else None), (comments[-1] if comments else None)
+
+
+def _titles(line: str, separator: str, count: int) -> list[str]:
+    """The cells of a row of names or units, without empty ones at its end."""
+    titles = _blank_separated(line, count) if separator == BLANK else cells_of(line, separator)
+    while titles and not titles[-1]:
+        titles.pop()
+    return titles
 
 
 def cells_of(line: str, separator: str) -> list[str]:

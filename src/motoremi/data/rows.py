@@ -16,8 +16,9 @@ from motoremi.errors import BadInput
 
 # Both ends of a band in hertz.
 Band: TypeAlias = tuple[float, float]
-# A reflection coefficient beyond the first number is no noise. A sweep says so if more than the second share of its points has one.
-_REFLECTS_TOO_MUCH, _OF_POINTS = 1.005, 0.01
+# A reflection coefficient beyond the first number is more than three standard deviations of an ordinary calibration (`analyser`: nanovna) above 1.
+# A sweep says so if more than the second share of its points has one.
+_REFLECTS_TOO_MUCH, _OF_POINTS = 1.02, 0.01
 
 
 @dataclass(frozen=True, eq=False)

@@ -297,6 +297,15 @@ class RepeatedSweep:
         return np.column_stack([1 / impedance, s / impedance, -impedance, -s * impedance])
 
 
+def _unlike(first: ImpedanceSweep, other: ImpedanceSweep) -> str:
+    """How the frequencies of two repeats differ, in words."""
+    if len(first) != len(other):
+        return f"but have {len(first)} and {len(other)} points"
+    apart = np.abs(other.frequency_hz / first.frequency_hz - 1)
+    worst = int(np.argmax(apart))
+    return f"but differ by {100 * apart[worst]:.2g} % at point {worst + 1}"
+
+
 def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
     """Group the repeats of each termination; the short-circuit sweep comes first.
 
@@ -317,7 +326,11 @@ def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
         first = members[0]
         for other in members[1:]:
             if len(other) != len(first) or not np.allclose(other.frequency_hz, first.frequency_hz, rtol=1e-9, atol=0):
-                raise BadInput(f"repeats of the {termination} sweep must share their frequencies: {first.summary()} against {other.summary()}")
+                shown = f"{first.summary()} against {other.summary()}"
+                raise BadInput(
+                    f"repeats of the {termination} sweep must have the same frequencies, {_unlike(first, other)}: measure them with the same "
+                    f"start, stop and number of points, or import one of them ({shown})"
+                )
         stated = [member.sigma_relative for member in members if member.sigma_relative is not None]
         sigma = np.sqrt(np.mean(np.square(stated), axis=0)) if len(stated) == len(members) else None
         groups.append(RepeatedSweep(termination, first.frequency_hz, np.array([m.impedance_ohm for m in members]), sigma))

@@ -48,3 +48,8 @@ def clean_value(value: Any) -> Any:
     if isinstance(value, list):
         return [clean_value(item) for item in value]
     return value
+
+
+def without_accents(text: str) -> str:
+    """A text with plain letters, for comparison."""
+    return "".join(letter for letter in unicodedata.normalize("NFD", text) if not unicodedata.combining(letter))
