@@ -268,7 +268,7 @@ def test_bad_sweeps_are_told():
         me.ImpedanceSweep("short", f[::-1], np.ones(401))
     with pytest.raises(BadInput, match="unknown termination"):
         me.ImpedanceSweep("shorted", f, np.ones(401))
-    with pytest.raises(BadInput, match="share their frequencies"):
+    with pytest.raises(BadInput, match="have the same frequencies"):
         me.fit(me.dc_motor(), [me.ImpedanceSweep("short", f, np.ones(401)), me.ImpedanceSweep("short", 2 * f, np.ones(401))])
     with pytest.raises(BadInput, match="unknown analyser"):
         me.fit(me.dc_motor(), noisy(DAMPED, 1e-2, 1), analyser="4249a")

@@ -213,7 +213,8 @@ def test_formula_text_equals_the_code(identifier):
         frame = base_z - tape(dc_motor(), "short").impedance(s, values_of(dc_motor()))
         expected = base_z - frame + evaluate_formula(text, {**names, "Z_frame": frame})
     elif effect.name == "temperature-drift":
-        expected = network(Ca=1 / (s * evaluate_formula(text.removesuffix(" in the open-circuit sweep"), names)))
+        insulation, copper = text.removesuffix(" in the open-circuit sweep").split(" and ")
+        expected = network(Ca=1 / (s * evaluate_formula(insulation, names)), Ra=evaluate_formula(copper, names))
     elif effect.name == "contact-resistance":
         expected = base_z + start["resistance_ohm"]
     elif effect.name == "range-step":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -155,11 +156,14 @@ def test_at_the_commutator_bars_brushes_and_suppressors_are_left_behind() -> Non
     assert np.abs(np.log(hidden.impedance("short", BAND) / bare.impedance("short", BAND))).max() > 0.5
 
 
-def test_the_first_sweep_repeated_shows_the_drift() -> None:
-    motor = SimulatedMotor.random(15, ["temperature-drift"])
+@pytest.mark.parametrize("with_copper", [False, True])
+def test_the_first_sweep_repeated_shows_the_drift(with_copper: bool) -> None:
+    motors = (SimulatedMotor.random(seed, ["temperature-drift"]) for seed in itertools.count(15))
+    motor = next(one for one in motors if bool(one.effects[0].sizes["resistance_rise"]) == with_copper)
     steady = dataclasses.replace(motor, effects=())
-    rise = motor.effects[0].sizes["capacitance_rise"]
-    warm = dataclasses.replace(steady, Ca=steady.Ca * (1 + rise), Cr=steady.Cr * (1 + rise), Cf=steady.Cf * (1 + rise))
+    rise, copper = (motor.effects[0].sizes[f"{what}_rise"] for what in ("capacitance", "resistance"))
+    capacitances = {name: getattr(steady, name) * (1 + rise) for name in ("Ca", "Cr", "Cf")}
+    warm = dataclasses.replace(steady, Ra=steady.Ra * (1 + copper), **capacitances)
     assert seen(motor, "repeat-first-sweep", "short") == pytest.approx(warm.impedance("short", BAND), rel=1e-12)
     assert seen(motor, "", "short") == pytest.approx(steady.impedance("short", BAND), rel=1e-12)
 

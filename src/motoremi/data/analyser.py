@@ -78,6 +78,9 @@ class Analyser:
     wave_sigma : tuple of float
         Standard deviations of the error terms a, b and c of that quantity, each smooth along frequency: directivity, tracking and match
         of a reflection; leakage, tracking and match of a transmission. Empty for an impedance analyser and an ideal one.
+    standard_sigma : float
+        Standard deviation of the calibration standard of known resistance, relative. With perfect short and open, the load of a network analyser
+        scales all impedances: Z is read as Z times 50 ohm over that of the load.
     fixture : Fixture, optional
         Fixture between the calibration plane and the motor that was not compensated.
     scales : mapping
@@ -97,6 +100,7 @@ class Analyser:
     span_hz: tuple[float, float] = (40.0, 110e6)
     quantity: Quantity | None = None
     wave_sigma: tuple[float, ...] = ()
+    standard_sigma: float = 0.0
     fixture: Fixture | None = None
     scales: Mapping[float, float] = field(default_factory=lambda: DECLARED)
 
@@ -146,7 +150,7 @@ class Analyser:
         series = np.hypot(self.resistance_sigma_ohm, omega * self.inductance_sigma_h) / magnitude
         shunt = np.hypot(self.conductance_sigma_s(frequency_hz), omega * self.capacitance_sigma_f) * magnitude
         gain = np.sqrt(np.sum(np.abs(self.smooth_errors(frequency_hz, impedance_ohm)) ** 2, axis=0))
-        return np.sqrt(2 * gain**2 + series**2 + shunt**2)
+        return np.sqrt(2 * gain**2 + self.standard_sigma**2 + series**2 + shunt**2)
 
     def smooth_errors(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
         """Standard deviations of the relative errors that are smooth along frequency, shape (m, n): each row scales one smooth process.
@@ -226,7 +230,8 @@ ANALYSERS = (
     Analyser(
         name="nanovna",
         title="NanoVNA, impedance from S11, calibrated at its connector, the fixture not compensated",
-        source="residuals of -54, -50 and -46 dB taken for a careful calibration, a fixture of a few centimetres; unconfirmed",
+        source="residuals of -54, -50 and -46 dB taken for a careful calibration, a fixture of a few centimetres; unconfirmed. Loads of such kits "
+        "measured 51.27 and 49.81 Ohm, a poor one 47.05 Ohm (Duffy, owenduffy.net, 2023 and 2024)",
         gain_sigma=_zero,
         conductance_sigma_s=partial(_same, 1e-6),
         capacitance_sigma_f=0.05e-12,
@@ -235,6 +240,7 @@ ANALYSERS = (
         span_hz=(50e3, 300e6),
         quantity=REFLECTION,
         wave_sigma=(2e-3, 3e-3, 5e-3),
+        standard_sigma=0.01,
         fixture=Fixture(resistance_ohm=0.3, inductance_h=30e-9, conductance_s=20e-6, capacitance_f=4e-12),
     ),
     dataclasses.replace(
@@ -415,7 +421,7 @@ GAIN: Parts = ((1.0, 0.6),)
 
 
 def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
-    """Columns that span those errors of the analyser which are smooth along frequency; each coefficient has unit variance.
+    """Columns that span those errors of the analyser which are smooth or equal along frequency; each coefficient has unit variance.
 
     Parameters
     ----------
@@ -434,4 +440,5 @@ def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: Com
     steps = [analyser.step_share * (frequency_hz > f) for f in analyser.step_frequencies_hz if low < f < high]
     columns = np.column_stack([smooth, *steps]) if steps else smooth
     rows = analyser.smooth_errors(frequency_hz, impedance_ohm)
-    return np.concatenate([columns * row[:, None] for row in rows], axis=1)
+    standard = [np.full((frequency_hz.size, 1), analyser.standard_sigma)] if analyser.standard_sigma else []
+    return np.concatenate([*(columns * row[:, None] for row in rows), *standard], axis=1)

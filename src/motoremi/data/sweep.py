@@ -303,7 +303,7 @@ def _unlike(first: ImpedanceSweep, other: ImpedanceSweep) -> str:
         return f"but have {len(first)} and {len(other)} points"
     apart = np.abs(other.frequency_hz / first.frequency_hz - 1)
     worst = int(np.argmax(apart))
-    return f"but differ by {100 * apart[worst]:.2g} % at point {worst + 1}"
+    return f"but differ by {100 * apart[worst]:.3g} % at point {worst + 1}"
 
 
 def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:

@@ -30,7 +30,7 @@ from motoremi.diagnosis.findings import (
     the_same_twice,
 )
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, judge
+from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, judge, of_the_analyser_alone
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.diagnosis.whole_machine import whole_machine
@@ -458,7 +458,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     """Probability of the named set times the lowest `RELIABLE` of all kinds that apply."""
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
     if len(named) > 1:
-        kinds.append("two names")
+        kinds.append("two names" if judgement.describes_nearly_all is None else "two names, one describes nearly all")
     if named and judgement.model.unusual:
         kinds.append("unusual values")
     if named and judgement.base.measurement.terminations == ("open",):
@@ -479,7 +479,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("adequate, hardly seen")
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
         kinds.append("weak")
-    if verdict == "adequate" and judgement.undecided:
+    if verdict == "adequate" and judgement.undecided and not of_the_analyser_alone(judgement.belief.named):
         kinds.append("adequate, a weak effect unnamed")
     if verdict == "instrument" and judgement.belief.named and not named:
         kinds.append("instrument, an effect unnamed")
@@ -531,7 +531,9 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         effect = f"the circuit's error from {before:.3g} % to {after:.3g} % {floor}{rest}"
     said = [f"adding {' and '.join(named)} takes {effect}"]
     if verdict == "instrument":
-        said.append("the analyser or its fixture is beyond its specification; the motor's circuit needs nothing")
+        drifted = set(named) == {"temperature-drift"}
+        cause = "the motor's temperature was not the same in both sweeps" if drifted else "the analyser or its fixture is beyond its specification"
+        said.append(f"{cause}; the motor's circuit needs nothing")
     if len(named) == 1 and (imitation := find_effect(named[0]).imitated_by):
         same = "which is not in the catalogue, has nearly the same impedance: these sweeps do not distinguish it from"
         said.append(f"{imitation}, {same} {named[0]}")
@@ -539,6 +541,12 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         said.append(
             f"a strap of {show(strap_h, 'H')} is so short that leads which were longer in the open-circuit sweep have the same impedance: measure "
             "both sweeps with the same leads, in the same positions"
+        )
+    if (alone := judgement.describes_nearly_all) is not None:
+        alone_left = alone.fit.unexplained_percent["value"]
+        said.append(
+            f"{alone.effect} alone leaves {alone_left:.2g} % undescribed of {base.unexplained_percent['value']:.2g} %; a law that is not quite the "
+            "motor's leaves as much, so the two together are uncertain"
         )
     relieving = [one for one in judgement.aside.values() if one.fit.analyser_sigma < best.analyser_sigma]
     if relieving:

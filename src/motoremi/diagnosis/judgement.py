@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -48,6 +48,8 @@ FURTHER_RELIEF_SIGMA = 6.0
 ENOUGH_GAIN = 25.0
 # Share of the undescribed part that an approximate law may leave: winding sections leave 4 and 10 % of it where a winding's sections are unlike.
 NEARLY_ALL = 0.1
+# The same of two effects: a law that leaves no more is as accurate as laws of real materials can be expected to be.
+NEXT_TO_ALL = 0.02
 # Circuits whose errors differ by less than this factor are about equally good.
 ALIKE = 2.0
 # Effects of which two together have the impedance of a line of resistance and capacitance: such a line is a sum of relaxations (its Foster form),
@@ -123,7 +125,9 @@ class Judgement:
     def _matters(self) -> bool:
         """Whether the most probable model differs enough from the base to matter to a user."""
         base = self.found[()]
-        return self._describes or _comes_closer(base, self.best) or _relieves(base, self.best)
+        # An error of the analyser that its specification allows is no fault.
+        allowed = of_the_analyser_alone(self.best.added) and self._little_is_left and self.base.rms_error_percent <= self.base.floor_percent
+        return not allowed and (self._describes or _comes_closer(base, self.best) or _relieves(base, self.best))
 
     @property
     def _describes(self) -> bool:
@@ -143,9 +147,25 @@ class Judgement:
     @property
     def hardly_matters(self) -> bool:
         """Whether effects are named although the base leaves less than what counts; of a network analyser see `_describes`."""
+        return bool(self.named) and self._little_is_left and not self.base.measurement.analyser.by_waves
+
+    @property
+    def _little_is_left(self) -> bool:
+        """Whether the base leaves less than what counts, with the analyser nearly within its specification."""
         base = self.base
-        little = base.unexplained_percent["value"] <= base.measurement.good_enough_percent and base.analyser_sigma <= ALLOWED_SIGMA
-        return bool(self.named) and little and not base.measurement.analyser.by_waves
+        return base.unexplained_percent["value"] <= base.measurement.good_enough_percent and base.analyser_sigma <= ALLOWED_SIGMA
+
+    @property
+    def describes_nearly_all(self) -> Candidate | None:
+        """If two effects are named: the most probable single one with usual values that leaves next to nothing by itself.
+
+        The laws of effects are not known so accurately that a second one is certain.
+        """
+        if len(self.named) < MOST_NAMES:
+            return None
+        enough = NEXT_TO_ALL * self.base.unexplained_percent["value"]
+        singles = [one for key, one in self.found.items() if len(key) == 1 and one.ordinary]
+        return max((one for one in singles if one.fit.unexplained_percent["value"] <= enough), key=lambda one: one.score, default=None)
 
     @property
     def undecided(self) -> bool:
@@ -384,6 +404,11 @@ class Judgement:
         return (*path, last.fit) if last.added else (self.base,)
 
 
+def of_the_analyser_alone(effects: Sequence[str]) -> bool:
+    """Whether all of these effects are errors of the analyser or its fixture."""
+    return all(find_effect(name).effect.group == "instrument" for name in effects)
+
+
 def distributed(key: Key) -> bool:
     """Whether a set is of two relaxations at one place."""
     return len(key) == MOST_NAMES and any(set(key) <= at_one_place for at_one_place in RELAXING)
@@ -435,7 +460,7 @@ def _relieves(before: Candidate, after: Candidate) -> bool:
     added = list(after.added)
     for name in before.added:
         added.remove(name)
-    if all(find_effect(name).effect.group == "instrument" for name in added):
+    if of_the_analyser_alone(added):
         return relieved or clear
     return relieved and clear
 

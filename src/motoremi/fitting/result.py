@@ -468,11 +468,14 @@ def _completed(motor: Motor, stored: Mapping[str, float]) -> dict[str, float]:
 
     An effect that the data exclude was held at zero where it is now held at the values at which it vanishes.
     """
-    values = {p.name: p.special for p in motor.parameters if p.special is not None and p.name not in stored} | dict(stored)
+    values = dict(stored)
     for parameter in motor.parameters:
         label, _, name = parameter.name.rpartition(".")
-        if label and values[parameter.name] == 0:
-            values[parameter.name] = find_effect(label.partition("#")[0]).effect.limit_values.get(name, 0.0)
+        nothing = find_effect(label.partition("#")[0]).effect.limit_values.get(name, 0.0) if label else None
+        if parameter.name not in stored and (added := nothing if parameter.special is None else parameter.special) is not None:
+            values[parameter.name] = added
+        elif nothing is not None and values[parameter.name] == 0:
+            values[parameter.name] = nothing
     return values
 
 

@@ -135,6 +135,11 @@ def drift_factor(s: ComplexArray, change: Any) -> ValueAndSlopes:
     return 1 / (1 + change), (-1 / (1 + change) ** 2,)
 
 
+def rise_factor(s: ComplexArray, change: Any) -> ValueAndSlopes:
+    """Factor on a resistance that has grown by the share c: 1 + c."""
+    return 1 + change, (_ONE,)
+
+
 def line_tangent(s: ComplexArray, delay: Any) -> ValueAndSlopes:
     """tanh(s tau) of a lossless line; tau may be negative, because the reference plane can be shifted to either side."""
     tanh = np.tanh(s * delay)

@@ -35,8 +35,9 @@ def _contact(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> M
 
 
 def _drift(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    drift = OpenSweepFactor("Ca", laws.drift_factor, (parameters["capacitance_change"],))
-    return dataclasses.replace(motor, open_factors=(*motor.open_factors, drift))
+    insulation = OpenSweepFactor("Ca", laws.drift_factor, (parameters["capacitance_change"],))
+    copper = OpenSweepFactor("Ra", laws.rise_factor, (parameters["resistance_change"],))
+    return dataclasses.replace(motor, open_factors=(*motor.open_factors, insulation, copper))
 
 
 EFFECTS = (
@@ -170,17 +171,20 @@ EFFECTS = (
     Effect(
         name="temperature-drift",
         group="instrument",
-        title="the motor's capacitance drifts between the two sweeps",
-        formula="Ca * (1 + capacitance_change) in the open-circuit sweep",
-        parameters=(Parameter("capacitance_change", "", -0.1, 0.1, "0.05 - 0.5 %/K over a warm-up", scale="linear", sigma=0.02),),
+        title="the motor's capacitance and resistance drift between the two sweeps",
+        formula="Ca * (1 + capacitance_change) and Ra * (1 + resistance_change) in the open-circuit sweep",
+        parameters=(
+            Parameter("capacitance_change", "", -0.1, 0.1, "0.05 - 0.5 %/K over a warm-up", scale="linear", sigma=0.02),
+            Parameter("resistance_change", "", -0.2, 0.2, "copper 0.4 %/K; a hot motor that cools down", scale="linear", sigma=0.02),
+        ),
         limit="capacitance_change -> 0",
-        limit_values={"capacitance_change": 0.0},
+        limit_values={"capacitance_change": 0.0, "resistance_change": 0.0},
         signature="each sweep fits alone but not both together; residuals of opposite sign at the resonance",
         look_alikes=("terminal-capacitance", "open-residual"),
         deciding="repeat the first sweep after the last one; log the temperature",
         source="change of a capacitance with temperature; the range is an estimate without a source",
         change=_drift,
-        starts=({"capacitance_change": 0.0},),
-        responds={"repeat-first-sweep": {"capacitance_change": 0.0}},
+        starts=({"capacitance_change": 0.0, "resistance_change": 0.0},),
+        responds={"repeat-first-sweep": {"capacitance_change": 0.0, "resistance_change": 0.0}},
     ),
 )
