@@ -30,6 +30,7 @@ OTHERWISE: Mapping[str, Mapping[str, float]] = {
     "shorted-turn": {"skin_hz": 1e12},
     "permeability-relaxation": {"exponent": 1.0, "quality": 1e-9},
     "suppressor-choke": {"exponent": 1.0},
+    "suppressor-choke@brushes": {"exponent": 1.0},
     **{f"dielectric-relaxation@{place}": {"exponent": 1.0} for place in ("Ca", "Cr", "Cf")},
 }
 # What is hidden by other sizes than the catalogue's has tests elsewhere: conductors in test_simulate_ladders, a coupled mesh in
@@ -75,6 +76,7 @@ ALONE = [(name,) for name in HIDDEN_EFFECTS if name in identifiers() and name no
         ("winding-sections",),
         ("winding-sections", "suppressor-capacitor", "lead-inductance"),
         ("common-mode-flux", "core-loss", "suppressor-capacitor@pair"),
+        ("suppressor-choke@brushes", "suppressor-capacitor", "suppressor-capacitor@frame", "second-resonance"),
     ],
 )
 def test_the_network_is_what_the_catalogue_says(hidden: tuple[str, ...], termination: str) -> None:

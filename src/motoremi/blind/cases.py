@@ -97,7 +97,8 @@ def _describes(name: str, without: Fit) -> bool:
 
 def catalogue_kinds() -> dict[str, list[str]]:
     """The effects that can be hidden, by sort of case; without those that are visible only below the band, or that a diagnosis never names."""
-    effects = {name: find_effect(name).effect for name in HIDDEN_EFFECTS if name in identifiers()}
+    # A place that makes a difference only beside another effect would be the usual place under another name.
+    effects = {name: find_effect(name).effect for name in HIDDEN_EFFECTS if name in identifiers() and find_effect(name).differs_in(dc_motor())}
     known = [name for name, effect in effects.items() if SPAN_HZ[0] < effect.below_hz and not effect.describes]
     instrument = [name for name in known if effects[name].group == "instrument"]
     return {"one": [name for name in known if name not in instrument], "outside": list(OUTSIDE_EFFECTS), "instrument": instrument}

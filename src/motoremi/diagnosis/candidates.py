@@ -243,7 +243,9 @@ def _possible(fit: Fit, name: str, lowest_hz: float) -> bool:
     added = find_effect(name)
     if added.effect.of_ranges and fit.measurement.analyser.by_waves:
         return False
-    return added.fits(fit.motor) and not added.effect.describes and lowest_hz <= added.effect.below_hz
+    if not (added.fits(fit.motor) and added.differs_in(fit.motor)):
+        return False
+    return not added.effect.describes and lowest_hz <= added.effect.below_hz
 
 
 def seen_in(fit: Fit, effect: str) -> frozenset[str]:

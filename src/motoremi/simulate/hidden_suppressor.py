@@ -46,24 +46,30 @@ def _draw_choke(rng: np.random.Generator, elements: Elements) -> dict[str, float
     }
 
 
-def _apply_choke(network: Network, elements: Elements, sizes: Sizes) -> Network:
-    """The flux of a rod is partly in ferrite, whose loss is a parallel resistor, and partly in air."""
-    rod = sizes["share"] * sizes["inductance_h"]
-    choke = (
-        Network()
-        .inductor("air", IN, "a", sizes["inductance_h"] - rod)
-        .inductor("rod", "a", "b", rod)
-        .resistor("loss", "a", "b", 2 * np.pi * sizes["corner_hz"] * rod)
-        .resistor("wire", "b", OUT, sizes["resistance_ohm"])
-        .capacitor("turns", IN, OUT, sizes["capacitance_f"])
-    )
-    return network.with_node("X", "brush").block("choke", "X", "brush", choke)
+def _choke(name: str, inner: str) -> EffectKind:
+    """A choke between all parts so far, whose terminal becomes the node `inner`, and the terminal."""
+
+    def apply(network: Network, elements: Elements, sizes: Sizes) -> Network:
+        # The flux of a rod is partly in ferrite, whose loss is a parallel resistor, and partly in air.
+        rod = sizes["share"] * sizes["inductance_h"]
+        choke = (
+            Network()
+            .inductor("air", IN, "a", sizes["inductance_h"] - rod)
+            .inductor("rod", "a", "b", rod)
+            .resistor("loss", "a", "b", 2 * np.pi * sizes["corner_hz"] * rod)
+            .resistor("wire", "b", OUT, sizes["resistance_ohm"])
+            .capacitor("turns", IN, OUT, sizes["capacitance_f"])
+        )
+        return network.with_node("X", inner).block(f"choke at {inner}", "X", inner, choke)
+
+    return EffectKind(name, _draw_choke, apply)
 
 
 # In order from the brushes outwards.
 SUPPRESSOR_EFFECTS = (
+    _choke("suppressor-choke@brushes", "brush"),
     _capacitor("suppressor-capacitor", 5e-9, 2e-7, [("X", "Y")]),
     _capacitor("suppressor-capacitor@frame", 1e-9, 1e-8, [("X", "G")]),
     _capacitor("suppressor-capacitor@pair", 1e-9, 1e-8, [("X", "G"), ("Y", "G")]),
-    EffectKind("suppressor-choke", _draw_choke, _apply_choke),
+    _choke("suppressor-choke", "holder"),
 )

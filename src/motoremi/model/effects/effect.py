@@ -75,6 +75,8 @@ class Effect:
         Parameters that this effect can mask: if the data do not determine them, they are held at the low end of their range.
     excludes : tuple of str
         Effects that cannot be combined with it.
+    beside : mapping
+        Place -> another effect without which the circuit is that of the usual place: the search tries this place only beside it.
     imitated : mapping
         Place -> a cause outside the catalogue that has nearly the same impedance there (for a law with a flexible shape) and responds alike to
         every measurement of the menu.
@@ -108,6 +110,7 @@ class Effect:
     of_ranges: bool = False
     tried: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     hides: tuple[str, ...] = ()
+    beside: Mapping[str, str] = field(default_factory=dict)
     imitated: Mapping[str, str] = field(default_factory=dict)
     excludes: tuple[str, ...] = ()
 
@@ -161,6 +164,11 @@ class AddedEffect:
         parameters = {p.name: dataclasses.replace(p, name=f"{label}.{p.name}") for p in self.effect.parameters}
         changed = self.effect.change(motor, self.place, parameters)
         return dataclasses.replace(changed, effects=(*motor.effects, self.identifier))
+
+    def differs_in(self, motor: Motor) -> bool:
+        """Whether its place makes a difference in a motor (`Effect.beside`)."""
+        other = self.effect.beside.get(self.place)
+        return other is None or any(split_identifier(name)[0] == other for name in motor.effects)
 
     def fits(self, motor: Motor) -> bool:
         """Whether it can be added to a motor."""

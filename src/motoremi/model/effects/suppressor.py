@@ -35,7 +35,7 @@ def _choke(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Mot
     coil = Scaled(Leaf("choke L", laws.inductor, (parameters["inductance_h"],)), materials.cole_cole_factor, core)
     choke: Node = Series((Leaf("choke R", laws.resistor, (parameters["resistance_ohm"],)), coil))
     choke = Parallel((choke, Leaf("choke C", laws.capacitor, (parameters["capacitance_f"],))))
-    return motor.attached(lambda node: Series((node, choke)), place=Outwards.CHOKE)
+    return motor.with_first_turns(choke) if place == "brushes" else motor.attached(lambda node: Series((node, choke)), place=Outwards.CHOKE)
 
 
 EFFECTS = (
@@ -86,7 +86,9 @@ EFFECTS = (
         name="suppressor-choke",
         group="connection",
         kin="suppressor",
-        title="a suppressor choke in the lead: a coil on a ferrite rod",
+        title="a suppressor choke in the lead: a coil on a ferrite rod, outside of suppressor capacitors or between them and the brushes",
+        places=("", "brushes"),
+        beside={"brushes": "suppressor-capacitor"},
         formula=(
             "Z + 1 / (1 / (resistance_ohm + s * inductance_h * (1 - share + share / (1 + (s / (2 * pi * corner_hz))**exponent))) "
             "+ s * capacitance_f)"
