@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 from diagnosis_contract import check_contract
+from few_effects import seeking
 from places import DATA
 from scipy.optimize import least_squares
 
@@ -176,3 +177,12 @@ def test_results_show_themselves(measure):
         assert len(repr(result)) > 20
         assert "<" in result._repr_html_()
         assert isinstance(result.to_dict(), dict)
+
+
+def test_a_choke_between_a_capacitor_and_the_brushes_is_not_one_outside_of_it():
+    """As in a filter that lets the noise of the brushes meet the choke first."""
+    hidden = ("suppressor-capacitor@frame", "suppressor-choke@brushes")
+    base = me.fit(me.dc_motor(), Case(1, 0, "two", hidden, 1).sweeps())
+    with seeking({*hidden, "suppressor-choke", "second-resonance", "lead-inductance"}):
+        found = me.diagnose(base)
+    assert set(found.effects) == set(hidden)

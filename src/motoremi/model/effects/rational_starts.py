@@ -457,23 +457,46 @@ def _shares(seen: Seen) -> list[dict[Any, float]]:
 
 
 def suppressor_choke(seen: Seen) -> list[dict[Any, float]]:
-    """A choke in series with the winding from a rational fit; and the inductance at the low end of the sweep, divided between the two."""
+    """A choke in series with the winding from a rational fit; and the inductance at the low end of the sweep, divided between the two.
+
+    If the model has a resonant cell in series with the winding: also a choke of its inductance, loss and resonance.
+    """
     henry = seen.lowest_inductance_h
     if henry is None or seen.short_ohm is None:
         return []
-    return _from(seen.choked, _choke) + [
+    return (
+        _like_cell(seen.parameters)
+        + _from(seen.choked, _choke)
+        + [
+            {
+                Set("Ra"): max(float(seen.short_ohm.real[0]), 1e-3),
+                Set("La"): (1 - part) * henry,
+                Set("Ca"): farad,
+                "inductance_h": part * henry,
+                "share": 0.6,
+                "corner_hz": corner_hz,
+                **CHOKE_REST,
+            }
+            for part in (0.25, 0.5, 0.75)
+            for farad in (2e-11, 1e-10)
+            for corner_hz in (5e6, 2e7)
+        ]
+    )
+
+
+def _like_cell(parameters: Mapping[str, float]) -> list[dict[Any, float]]:
+    henry = parameters.get("second-resonance.inductance_h", 0.0)
+    if not henry:
+        return []
+    omega = 2 * np.pi * parameters["second-resonance.resonance_hz"]
+    return [
         {
-            Set("Ra"): max(float(seen.short_ohm.real[0]), 1e-3),
-            Set("La"): (1 - part) * henry,
-            Set("Ca"): farad,
-            "inductance_h": part * henry,
-            "share": 0.6,
-            "corner_hz": corner_hz,
+            "inductance_h": henry,
+            "share": 0.8,
+            "corner_hz": parameters["second-resonance.resistance_ohm"] / (2 * np.pi * henry),
             **CHOKE_REST,
+            "capacitance_f": float(1 / (omega**2 * henry)),
         }
-        for part in (0.25, 0.5, 0.75)
-        for farad in (2e-11, 1e-10)
-        for corner_hz in (5e6, 2e7)
     ]
 
 
