@@ -80,7 +80,8 @@ class Analyser:
         of a reflection; leakage, tracking and match of a transmission. Empty for an impedance analyser and an ideal one.
     standard_sigma : float
         Standard deviation of the calibration standard of known resistance, relative. With perfect short and open, the load of a network analyser
-        scales all impedances: Z is read as Z times 50 ohm over that of the load.
+        scales all impedances: Z is read as Z times 50 ohm over that of the load. A circuit with all its impedances scaled fits as well, so this
+        is an error of its elements and not of the fit.
     fixture : Fixture, optional
         Fixture between the calibration plane and the motor that was not compensated.
     scales : mapping
@@ -150,7 +151,7 @@ class Analyser:
         series = np.hypot(self.resistance_sigma_ohm, omega * self.inductance_sigma_h) / magnitude
         shunt = np.hypot(self.conductance_sigma_s(frequency_hz), omega * self.capacitance_sigma_f) * magnitude
         gain = np.sqrt(np.sum(np.abs(self.smooth_errors(frequency_hz, impedance_ohm)) ** 2, axis=0))
-        return np.sqrt(2 * gain**2 + self.standard_sigma**2 + series**2 + shunt**2)
+        return np.sqrt(2 * gain**2 + series**2 + shunt**2)
 
     def smooth_errors(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
         """Standard deviations of the relative errors that are smooth along frequency, shape (m, n): each row scales one smooth process.
@@ -421,7 +422,7 @@ GAIN: Parts = ((1.0, 0.6),)
 
 
 def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
-    """Columns that span those errors of the analyser which are smooth or equal along frequency; each coefficient has unit variance.
+    """Columns that span those errors of the analyser which are smooth along frequency; each coefficient has unit variance.
 
     Parameters
     ----------
@@ -440,5 +441,4 @@ def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: Com
     steps = [analyser.step_share * (frequency_hz > f) for f in analyser.step_frequencies_hz if low < f < high]
     columns = np.column_stack([smooth, *steps]) if steps else smooth
     rows = analyser.smooth_errors(frequency_hz, impedance_ohm)
-    standard = [np.full((frequency_hz.size, 1), analyser.standard_sigma)] if analyser.standard_sigma else []
-    return np.concatenate([*(columns * row[:, None] for row in rows), *standard], axis=1)
+    return np.concatenate([columns * row[:, None] for row in rows], axis=1)

@@ -398,11 +398,12 @@ class Problem:
         The smooth ones are off alike at all frequencies, as by the error of a calibration standard; those left at a connection have one value.
         """
         observed, analyser = self.observed, self.measurement.analyser
-        declared = self.sizes.declared * observed.weight
-        smooth = analyser.smooth_errors(observed.frequency_hz, observed.smooth) * declared
-        standard = [self.pull(here, analyser.standard_sigma * declared.astype(np.complex128)[None])] if analyser.standard_sigma else []
-        at_connections = np.diag(np.sqrt(self.precision))[self._declared]
-        return np.concatenate([self.pull(here, smooth), self.pull(here, 1j * smooth), *standard, at_connections])
+        smooth = analyser.smooth_errors(observed.frequency_hz, observed.smooth) * (self.sizes.declared * observed.weight)
+        return np.concatenate([self.pull(here, smooth), self.pull(here, 1j * smooth), np.diag(np.sqrt(self.precision))[self._declared]])
+
+    def pull_of_standard(self, here: Linearised) -> FloatArray:
+        """What a calibration standard that is off by one standard deviation adds to J' C^-1 r, shape (1, k): it scales all impedances."""
+        return self.pull(here, np.asarray(self.measurement.analyser.standard_sigma * self.observed.weight, dtype=np.complex128)[None])
 
     def slopes_of_deviation(self, u: FloatArray) -> ComplexArray:
         """Derivatives of `deviation` for the unknowns, shape (k, n); `u` of shape (k,)."""

@@ -80,7 +80,7 @@ LEADERS, IN_FULL = 80, 24
 # itself, every other one fits beside it.
 ARRIVING, ALIKE_ARRIVING = Rounds((), 14, 80), 6
 # From the solution of another effect: few starts, which begin near the end; and look-alikes, with more steps on more points. Of 58 starts of a
-# choke in the place of a resonant cell those in a wrong minimum, with the two inductances exchanged, were in front after three steps, not after ten.
+# choke in the place of a resonant cell, those in a wrong minimum (inductances exchanged) were in front after three steps, not after ten.
 LOOK_NEAR = Rounds((Round(40, 3, ALL, ALL), Round(40, 8, 4, 10), Round(80, 10, 2, 5)), 5, 80)
 LOOK_ALIKE = Rounds((Round(80, 3, ALL, ALL), Round(80, 8, 12, ALL), Round(80, 15, 4, ALL)), 8, 80)
 # Of those that a race has left behind: points of each sweep, starts of each model, steps from them by the likelihood of the model before, and how
