@@ -228,7 +228,7 @@ class Responses:
             sizes["share_lost"] *= left**0.5
         elif effect.name == "brush-contact":
             sizes["resistance_ohm"] /= 1 + self.strength("dc-bias", effect.name) * ampere / 0.7
-        elif effect.name == "suppressor-choke":
+        elif effect.name in ("suppressor-choke", "suppressor-choke@brushes"):
             knee = log_uniform(self._rng("dc-bias", "rod"), *_ROD_KNEE_AMPERE)
             rod = sizes["share"] * sizes["inductance_h"] / math.hypot(1.0, self.strength("dc-bias", effect.name) * ampere / knee)
             whole = rod + (1 - sizes["share"]) * sizes["inductance_h"]
