@@ -41,8 +41,11 @@ def test_good_data_of_any_motor_are_causal(seed):
         # What the model leaves is the noise, 0.02 % here, more of an ohm; against the truth there remains the analyser's error, up to
         # 0.7 % by fixture.
         truth = motor.impedance(termination, FREQUENCY_HZ)
-        noise_percent = 100 * np.sqrt(np.mean((noise_sd_ohm(FREQUENCY_HZ, truth, 3) / np.abs(truth)) ** 2) / 3)
-        assert model.rms_error_percent < max(0.03, 1.5 * noise_percent)
+        # Of the mean of three repeats, real and imaginary part together. Where |Z| is small at a few points these decide, and the sum of their
+        # squares scatters: four standard deviations of it.
+        variance = 2 * (noise_sd_ohm(FREQUENCY_HZ, truth, 3) / np.abs(truth)) ** 2 / 3
+        noise_percent, scatter = 100 * np.sqrt(np.mean(variance)), np.sqrt(np.sum(variance**2)) / np.sum(variance)
+        assert model.rms_error_percent < max(0.03, np.sqrt(1 + 4 * scatter) * noise_percent)
         assert model.remainder_hz == ()
         # Of a fraction of an ohm (a suppressor capacitor at resonance) the fixture's residuals are more.
         assert np.sqrt(np.mean(np.abs((model.impedance_ohm(FREQUENCY_HZ) - truth) / np.maximum(np.abs(truth), 10.0)) ** 2)) < 0.02
@@ -71,6 +74,14 @@ def test_a_small_rest_disproves_nothing_where_a_circuit_leaves_much_more(reached
     assert not check.causal
     assert check.disproved == disproved
     assert any("physics is most of what is missing" in reason for reason in check.reasons) == (reached == 11.0)
+
+
+@pytest.mark.parametrize(("reached", "disproved"), [(8.0, True), (40.0, False)])
+def test_a_few_points_that_stand_out_are_not_the_cause_of_a_large_error(reached, disproved):
+    """All but they are described; with them five times the noise is left, by the closest circuit more."""
+    model = checked(simulated_sweeps(1)[0]).models["short"]
+    model = dataclasses.replace(model, chi2_reduced=25.0, chi2_without_outliers=1.0, outliers_hz=(5e6,))
+    assert CausalCheck({"short": model}, {"short": reached}).disproved == disproved
 
 
 @pytest.mark.parametrize("seed", range(2))
