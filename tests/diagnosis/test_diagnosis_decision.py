@@ -397,3 +397,20 @@ def test_a_pair_of_suppressors_is_found_that_the_bare_circuit_misses_by_far():
     judgement = judge(fit(dc_motor(), case.sweeps()))
     assert judgement.named == case.hidden
     assert judgement.accepted
+
+
+def describing(added: tuple[str, ...], score: float, unusual: tuple[str, ...] = ()) -> SimpleNamespace:
+    """A candidate that leaves nothing."""
+    one = model(added, score, 0.5, 0.0, unusual)
+    one.fit.marginal, one.fit.explained, one.done, one.leaves_nothing = SimpleNamespace(nothing_left=1.0), True, True, not unusual
+    return one
+
+
+@pytest.mark.parametrize(("behind", "named"), [(12.0, "shorted-turn"), (142.0, "permeability-relaxation")])
+def test_an_effect_with_usual_values_takes_the_place_of_one_with_unusual_values_unless_the_odds_are_clear(behind, named):
+    """A shorted turn, of which a core that relaxes by 3 % has nearly the same impedance."""
+    bent = describing(("permeability-relaxation",), 300.0, ("permeability-relaxation.share",))
+    found = of(model((), 0.0, 3.0, 2.8), bent, describing(("shorted-turn",), 300.0 - behind))
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert judgement.named == (named,)
+    assert judgement.unusual_instead is (None if named == bent.added[0] else bent)

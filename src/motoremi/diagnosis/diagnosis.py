@@ -463,6 +463,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("unusual values")
     if named and judgement.base.measurement.terminations == ("open",):
         kinds.append("named from the open-circuit sweep alone")
+    if judgement.unusual_instead is not None:
+        kinds.append("instead of unusual values")
     if len(named) == 1 and find_effect(named[0]).imitated_by:
         kinds.append("imitated")
     if named and _short_strap_h(judgement) is not None:
@@ -542,6 +544,9 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             f"a strap of {show(strap_h, 'H')} is so short that leads which were longer in the open-circuit sweep have the same impedance: measure "
             "both sweeps with the same leads, in the same positions"
         )
+    if (unusual := judgement.unusual_instead) is not None:
+        values = ", ".join(unusual.unusual or unusual.at_bound)
+        said.append(f"{unusual.effect} describes these sweeps as well and is more probable, but only with unusual values ({values})")
     if (alone := judgement.describes_nearly_all) is not None:
         alone_left = alone.fit.unexplained_percent["value"]
         said.append(

@@ -156,6 +156,12 @@ class Judgement:
         return base.unexplained_percent["value"] <= base.measurement.good_enough_percent and base.analyser_sigma <= ALLOWED_SIGMA
 
     @property
+    def unusual_instead(self) -> Candidate | None:
+        """If one effect is named: a more probable one with unusual values in whose place it is."""
+        best = best_of(self.found.values())
+        return best if len(self.named) == len(best.added) == 1 and best is not self.model and not best.ordinary else None
+
+    @property
     def describes_nearly_all(self) -> Candidate | None:
         """If two effects are named: the most probable single one with usual values that leaves next to nothing by itself.
 
@@ -495,16 +501,17 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
 def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
     """The judgement among the sets with usual values, if the most probable set has unusual ones and one of the others does as well.
 
-    If an error remains, the laws are approximate and likelihood ratios mean little, so usual values decide. A pair that describes everything
-    with unusual values, or with one at a physical bound, is replaced by one that does as well as asked for with ordinary values, unless the odds
-    against it are clear.
+    If an error remains, the laws are approximate and likelihood ratios mean little, so usual values decide. A set that describes everything
+    with unusual values, or with one at a physical bound, is replaced by one of its size that does as well as asked for with ordinary values,
+    unless the odds against it are clear.
     """
     likeliest = judgement.model
     leaves_nothing = likeliest.fit.marginal.nothing_left >= 0.5
     usual = {key for key, one in judgement.found.items() if (one.ordinary if leaves_nothing else not one.unusual)}
-    if tuple(sorted(likeliest.added)) in usual or (leaves_nothing and len(likeliest.added) < MOST_NAMES):
+    if not likeliest.added or tuple(sorted(likeliest.added)) in usual:
         return judgement
-    for size in range(len(likeliest.added), MOST_NAMES + 1):
+    own_size = len(likeliest.added)
+    for size in range(own_size, own_size + 1 if leaves_nothing else MOST_NAMES + 1):
         found = {key: one for key, one in judgement.found.items() if key in usual and len(key) <= size}
         other = dataclasses.replace(judgement, belief=believe(found, together))
         if leaves_nothing:
