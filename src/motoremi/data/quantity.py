@@ -25,15 +25,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from motoremi.arrays import ComplexArray
 from motoremi.data.kernels import by_parabolas
 
 # Reference impedance of a network analyser, in ohm.
 REFERENCE_OHM = 50.0
-# White noise is farther from its median distance than this factor at one point in 500.
-MORE_THAN_NOISE = 3.0
 
 
 @dataclass(frozen=True)
@@ -72,13 +68,9 @@ class Quantity(ABC):
     def smoothed(self, impedance_ohm: ComplexArray) -> ComplexArray:
         """A sweep with most of its white noise removed, for error models that depend on the impedance but must not depend on its noise.
 
-        About a resonance Z or 1/Z is straight over frequency, so the coefficient is smooth there, however sharp the resonance is, unless it changes
-        from one point to the next: there the measured value stays.
+        About a resonance Z or 1/Z is straight over frequency, so the coefficient is smooth there, however sharp the resonance is.
         """
-        coefficient = self.coefficient_of(impedance_ohm)
-        smooth = by_parabolas(coefficient)
-        apart = np.abs(coefficient - smooth)
-        return self.impedance_of(np.where(apart <= MORE_THAN_NOISE * np.median(apart), smooth, coefficient))
+        return self.impedance_of(by_parabolas(self.coefficient_of(impedance_ohm)))
 
 
 @dataclass(frozen=True)
