@@ -40,7 +40,15 @@ def model(
     """A candidate of which only that is known."""
     fit = left(left_percent, error_percent, analyser_sigma)
     return SimpleNamespace(
-        added=added, score=score, fit=fit, unusual=unusual, plausible=True, ordinary=not unusual, done=False, leaves_nothing=False
+        added=added,
+        effect=added[-1] if added else "",
+        score=score,
+        fit=fit,
+        unusual=unusual,
+        plausible=True,
+        ordinary=not unusual,
+        done=False,
+        leaves_nothing=False,
     )
 
 

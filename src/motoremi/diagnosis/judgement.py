@@ -157,9 +157,10 @@ class Judgement:
 
     @property
     def unusual_instead(self) -> Candidate | None:
-        """If one effect is named: a more probable one with unusual values in whose place it is."""
+        """If one effect is named: a more probable one that describes everything with unusual values, in whose place it is."""
         best = best_of(self.found.values())
-        return best if len(self.named) == len(best.added) == 1 and best is not self.model and not best.ordinary else None
+        describes = best.fit.marginal.nothing_left >= 0.5 and not best.ordinary
+        return best if describes and len(self.named) == len(best.added) == 1 and best is not self.model else None
 
     @property
     def describes_nearly_all(self) -> Candidate | None:
@@ -511,6 +512,9 @@ def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
     if not likeliest.added or tuple(sorted(likeliest.added)) in usual:
         return judgement
     own_size = len(likeliest.added)
+    if leaves_nothing and own_size == 1 and any((name,) in usual for name in judgement.families[likeliest.effect]):
+        # Its family, which is told, has an effect with usual values.
+        return judgement
     for size in range(own_size, own_size + 1 if leaves_nothing else MOST_NAMES + 1):
         found = {key: one for key, one in judgement.found.items() if key in usual and len(key) <= size}
         other = dataclasses.replace(judgement, belief=believe(found, together))

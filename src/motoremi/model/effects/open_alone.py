@@ -91,7 +91,7 @@ def _terms(frequency_hz: FloatArray, times_s: Rational) -> list[_Term]:
         if pole.imag < 0 or not np.isfinite(residue):
             continue
         if pole.imag == 0:
-            terms.append(_Term(np.asarray(residue / (p - pole), dtype=np.complex128), None))
+            terms.append(_Term(np.asarray(residue.real / (p - pole.real), dtype=np.complex128), None))
             continue
         square = abs(pole) ** 2
         resonance = winding_of(-2 * (residue * pole.conjugate()).real / square, 2 * residue.real / square, 1 / square, times_s.middle)
