@@ -223,7 +223,15 @@ def rows_of_names(tmp_path: Path, *names: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("names", [("Frequency,Resistance,Reactance", "Hz,Ohm,Ohm"), ("# f,R,X", "# [Hz],[Ohm],[Ohm]"), ("# f,R,X", "Hz,Ohm,Ohm")])
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("Frequency,Resistance,Reactance", "Hz,Ohm,Ohm"),
+        ("# f,R,X", "# [Hz],[Ohm],[Ohm]"),
+        ("# f,R,X", "Hz,Ohm,Ohm"),
+        ("# f,R,X", "#", "Hz,Ohm,Ohm"),
+    ],
+)
 def test_names_and_units_in_two_rows(tmp_path: Path, names: tuple[str, ...]) -> None:
     imported(tmp_path, "--short", rows_of_names(tmp_path, *names))
     np.testing.assert_array_equal(load(tmp_path / "s").sweeps[0].impedance_ohm, IMPEDANCE)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from motoremi.diagnosis.diagnosis import Diagnosis
 from motoremi.errors import MotoremiError
 from motoremi.fitting.fit import fit
@@ -26,7 +28,8 @@ def hidden_ahead_nats(found: Diagnosis, hidden: tuple[str, ...]) -> float | None
     judgement = found.searched.declared.judgement
     try:
         true = fit(add_effects(dc_motor(), hidden), judgement.base.measurement)
-    except MotoremiError:
+    except (MotoremiError, np.linalg.LinAlgError):
+        # The board's other cases go on.
         return None
     best = max(judgement.base.log_evidence, *(one.fit.log_evidence for one in judgement.found.values()))
     return true.log_evidence - best

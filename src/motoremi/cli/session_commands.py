@@ -199,7 +199,9 @@ def _units(given: list[str]) -> dict[str, str]:
 
 def _check_units(units: dict[str, str], read: Sequence[ImpedanceSweep | Spectrum]) -> None:
     """Refuse units that no file needs: the name of a column may be mistyped."""
-    if units and not any(change.startswith("units as given") for one in read for change in one.metadata.get("changes", ())):
+    from motoremi.data.columns import UNITS_GIVEN
+
+    if units and not any(change.startswith(UNITS_GIVEN) for one in read for change in one.metadata.get("changes", ())):
         raise BadInput(f"--unit is for columns of tables: no file has a column {' or '.join(map(repr, units))}")
 
 

@@ -26,6 +26,8 @@ _MEMORY = re.compile(r"-mem\s*$", re.IGNORECASE)
 _TRACE_NUMBER = re.compile(r"^Trace(?:\s*[0-9]+)?\s*(?::|\s)\s*", re.IGNORECASE)
 _MINUS = re.compile(r"^[-−–]\s*")
 _LONGEST_TITLE = 80
+# With this begins what the metadata say of units that the user gives.
+UNITS_GIVEN = "units as given: "
 _NAME_SPELLINGS = str.maketrans({"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "∠": "phase ", "’": "'", "′": "'", "″": "''"})
 _DECIBEL = re.compile(r"(?:^|_)db(?:[a-zµμ]*)(?:_|$)")
 
@@ -187,7 +189,7 @@ def with_units(table: Table, units: Mapping[str, str]) -> tuple[Table, tuple[str
     wanted = [given.get(title.strip().lower(), "") for title in table.columns]
     titles = tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(table.columns, wanted, strict=True))
     told = ", ".join(f"{clean_text(title, 40)} in {clean_text(unit, 40)}" for title, unit in zip(table.columns, wanted, strict=True) if unit)
-    return replace(table, columns=titles), (f"units as given: {told}",) if told else ()
+    return replace(table, columns=titles), (f"{UNITS_GIVEN}{told}",) if told else ()
 
 
 def unit_trouble(table: Table) -> str:

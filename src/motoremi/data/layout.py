@@ -42,17 +42,14 @@ class Head:
     ----------
     comments : tuple of Line
         Without their marks.
-    names : Line or None
-        The last line that is neither a comment nor a row of numbers: the column names or their units, if they are not a comment.
-    above : Line or None
-        The line before that one.
+    texts : tuple of Line
+        The lines that are neither comments nor rows of numbers; the last one holds the column names or their units, if these are not a comment.
     rows : tuple of Line
         All lines below, comments among them.
     """
 
     comments: tuple[Line, ...]
-    names: Line | None
-    above: Line | None
+    texts: tuple[Line, ...]
     rows: tuple[Line, ...]
 
 
@@ -83,14 +80,13 @@ def split_head(lines: Sequence[str]) -> Head:
         if comment is not None and not marked:
             comments.append(Line(line.number, comment))
         elif marked or _is_row(line.text):
-            above = content[texts[-2]] if len(texts) > 1 else next(reversed(comments), None)
-            return Head(tuple(comments), content[texts[-1]] if texts else None, above if texts else None, tuple(content[index:]))
+            return Head(tuple(comments), tuple(content[at] for at in texts), tuple(content[index:]))
         else:
             texts.append(index)
     if not texts:
-        return Head(tuple(comments), None, None, ())
+        return Head(tuple(comments), (), ())
     # No line looks like a row: the first is taken for the names, and the others are refused as rows.
-    return Head(tuple(comments), content[texts[0]], None, tuple(content[texts[0] + 1 :]))
+    return Head(tuple(comments), (content[texts[0]],), tuple(content[texts[0] + 1 :]))
 
 
 def column_names(head: Head, where: str) -> Names:
@@ -109,32 +105,24 @@ def column_names(head: Head, where: str) -> Names:
         If there are none, or they are fewer than the values in the first row.
     """
     row = head.rows[0].text
-    above, named = _named(head)
+    *above, named = [None, *(comment for comment in head.comments if comment.text), *head.texts]
     if named is None:
         raise BadInput(f"{where}: numbers where the column names are needed; {EXAMPLE}")
-    separator = _separator(named.text if head.names else row)
+    separator = _separator(named.text if head.texts else row)
     of_row = separator if separator in row else BLANK
     count = len(cells_of(row, of_row))
     own = separator if separator in named.text and separator != BLANK else _separator(named.text)
     titles = _titles(named.text, own, count)
-    if above is not None and are_units(titles):
-        with_names = _titles(above.text, own, count)
+    if are_units(titles) and above[-1] is not None:
+        with_names = _titles(above[-1].text, own, count)
         if len(with_names) == len(titles):
             titles = [f"{name} [{unit}]" if unit else name for name, unit in zip(with_names, titles, strict=True)]
-    if len(titles) < 2 and head.names is None:
+    if len(titles) < 2 and not head.texts:
         raise BadInput(f"{where}: numbers where the column names are needed; {EXAMPLE}")
-    unlike = count < len(titles) and head.names is None
+    unlike = count < len(titles) and not head.texts
     if unlike or count - len(titles) > _empty_at_end(row, of_row):
         raise BadInput(f"{where}: {_wrong_number(row, of_row, count, titles, named)}")
     return Names(tuple(titles), of_row)
-
-
-def _named(head: Head) -> tuple[Line | None, Line | None]:
-    """The last line above the numbers, which holds column names or their units, and the one before it."""
-    if head.names is not None:
-        return head.above, head.names
-    comments = [comment for comment in head.comments if comment.text]
-    return (comments[-2] if len(comments) > 1 else None), (comments[-1] if comments else None)
 
 
 def _titles(line: str, separator: str, count: int) -> list[str]:

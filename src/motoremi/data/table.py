@@ -80,7 +80,7 @@ def parse_table(text: str, name: str) -> Table:
     header: JsonDict = {}
     for comment in head.comments:
         read_key_value(comment.text, header)
-    if head.names is None and not head.rows:
+    if not head.texts and not head.rows:
         raise BadInput(f"{name}: holds comments only; a row with column names and rows of numbers are needed")
     if not head.rows:
         raise BadInput(f"{name}: holds a row of column names but no numbers")

@@ -38,10 +38,10 @@ class Division:
 
 
 class _Term(NamedTuple):
-    """A term of the partial fractions: impedance in ohms, and for a resonance the elements of a winding that has it."""
+    """A term of the partial fractions: impedance in ohms, and the elements of a winding that resonates so; none of what relaxes."""
 
     impedance_ohm: ComplexArray
-    resonance: Mapping[str, float] | None
+    elements: Mapping[str, float]
 
 
 def divisions(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> list[Division]:
@@ -62,19 +62,17 @@ def _divided(frequency_hz: FloatArray, times_s: Rational) -> Iterator[Division]:
     if not elastance > 0:
         return
     of_capacitance = elastance / (2j * np.pi * frequency_hz)
-    relaxing = [one for one in terms if one.resonance is None]
-    for term in terms:
-        resonating = [one for one in terms if one.resonance is not None and one is not term]
-        if term.resonance is None or not resonating:
+    resonances, relaxing = [one for one in terms if one.elements], [one for one in terms if not one.elements]
+    for resonance in resonances:
+        others = [one for one in resonances if one is not resonance]
+        if not others:
             continue
+        largest = max((one.elements for one in others), key=lambda one: one["La"])
+        elements = {Set(name): value for name, value in {**largest, **_frame(resonance.elements, 1 / elastance)}.items()}
         # What relaxes belongs to the winding, or to the path to the frame.
-        for of_winding, of_frame in ([*resonating, *relaxing], [term]), (resonating, [term, *relaxing]):
-            winding, frame = _sum(of_winding), _sum(of_frame) + of_capacitance
-            base = max((one.resonance for one in resonating if one.resonance is not None), key=lambda one: one["La"])
-            elements = {Set(name): value for name, value in {**base, **_frame(term.resonance, 1 / elastance)}.items()}
+        for in_winding, in_frame in ((relaxing, []), ([], relaxing)) if relaxing else (([], []),):
+            winding, frame = _sum([*others, *in_winding]), _sum([resonance, *in_frame]) + of_capacitance
             yield Division(elements, Seen(frequency_hz, winding, frequency_hz, winding + frame, winding))
-            if not relaxing:
-                break
 
 
 def _sum(terms: Sequence[_Term]) -> ComplexArray:
@@ -91,7 +89,7 @@ def _terms(frequency_hz: FloatArray, times_s: Rational) -> list[_Term]:
         if pole.imag < 0 or not np.isfinite(residue):
             continue
         if pole.imag == 0:
-            terms.append(_Term(np.asarray(residue.real / (p - pole.real), dtype=np.complex128), None))
+            terms.append(_Term(np.asarray(residue.real / (p - pole.real), dtype=np.complex128), {}))
             continue
         square = abs(pole) ** 2
         resonance = winding_of(-2 * (residue * pole.conjugate()).real / square, 2 * residue.real / square, 1 / square, times_s.middle)

@@ -459,7 +459,7 @@ def _shares(seen: Seen) -> list[dict[Any, float]]:
 def suppressor_choke(seen: Seen) -> list[dict[Any, float]]:
     """A choke in series with the winding from a rational fit; and the inductance at the low end of the sweep, divided between the two.
 
-    If the model has a resonant cell in series with the winding: also a choke of its inductance, loss and resonance.
+    If the model has a resonant cell in series with the winding, also one like that cell.
     """
     henry = seen.lowest_inductance_h
     if henry is None or seen.short_ohm is None:
@@ -485,6 +485,7 @@ def suppressor_choke(seen: Seen) -> list[dict[Any, float]]:
 
 
 def _like_cell(parameters: Mapping[str, float]) -> list[dict[Any, float]]:
+    """A choke with the inductance, the loss and the resonance of the model's resonant cell, if it has one."""
     henry = parameters.get("second-resonance.inductance_h", 0.0)
     if not henry:
         return []
