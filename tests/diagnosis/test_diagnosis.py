@@ -186,3 +186,5 @@ def test_a_choke_between_a_capacitor_and_the_brushes_is_not_one_outside_of_it():
     with seeking({*hidden, "suppressor-choke", "second-resonance", "lead-inductance"}):
         found = me.diagnose(base)
     assert set(found.effects) == set(hidden)
+    # Without the capacitor it would be the usual place of a choke under another name.
+    assert "suppressor-choke@brushes" not in {candidate.effect for candidate in found.candidates}

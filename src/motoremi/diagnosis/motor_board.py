@@ -172,10 +172,13 @@ class MotorBoard:
         return [one for group in solutions for one in self._refitted(trails, self._near_best(len(model.added), group))]
 
     def dropped(self, model: Candidate, effect: str) -> Candidate:
-        """The model without an effect; without any, the base."""
+        """The model without an effect; the base without any, or if the other one's place makes no difference then."""
         if len(model.added) == 1:
             return self.start()
         under = self._without(model.fit, effect)
+        if not all(find_effect(name).differs_in(under.motor) for name in under.effects):
+            # It would be the usual place under another name, which the race of single effects has searched.
+            return self.start()
         trail = Trail(under.task, [{**under.parameters, **model.fit.nuisance}], 1, under.sizes)
         return self._refitted({"": trail}, {"": raced_alone(trail)})[0]
 
