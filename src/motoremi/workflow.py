@@ -21,7 +21,7 @@ from motoremi.diagnosis.ladder_step import further, ladder_step
 from motoremi.diagnosis.whole_machine import added_together
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import checked_held, fit
-from motoremi.fitting.result import Fit, restore
+from motoremi.fitting.result import Fit, restore, same_error_model
 from motoremi.inspection.compare import Comparison, Tolerance, compare
 from motoremi.inspection.effect_signature import Signature, signature
 from motoremi.inspection.element import Inspection, inspect
@@ -71,8 +71,9 @@ def ladder_of(session: Session) -> list[Fit]:
         return []
     measurement = measurement_of(session)
     fits = [step.get("fit", {}) for step in session.ladder]
-    # Sweeps between two ports were once fitted as those of an impedance analyser: their evidence does not compare.
-    if any(one.get("analyser", measurement.analyser.name) != measurement.analyser.name for one in fits):
+    # Sweeps between two ports, and reflections of an analyser without a name, were once fitted as those of an impedance analyser: their evidence
+    # does not compare.
+    if any(not same_error_model(one, measurement) for one in fits):
         return []
     return [restore(one, measurement) for one in fits]
 

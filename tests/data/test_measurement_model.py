@@ -12,7 +12,7 @@ import motoremi as me
 from motoremi.arrays import ComplexArray
 from motoremi.data.analyser import ANALYSERS, UNKNOWN, error_basis, find_analyser
 from motoremi.data.covariance import LEAST_SHARE, Columns, Part
-from motoremi.data.kernels import matern, smooth_basis
+from motoremi.data.kernels import by_parabolas, matern, smooth_basis
 from motoremi.data.measurement import Measurement
 from motoremi.data.noise import Noise, estimate_noise
 from motoremi.data.quantity import REFLECTION
@@ -269,35 +269,47 @@ def test_noise_follows_the_analyser_that_is_supposed():
 # The analyser
 
 
-def test_errors_in_the_reflection_are_unbiased_where_the_impedance_is_high():
+def test_errors_in_the_reflection_move_no_parameter_where_the_impedance_is_high():
     """Zm/Z = 1 / (1 - x) with x the error over the distance from full reflection: its logarithm is off by -E1(1 / 2 s^2) / 2 in the mean."""
     frequency = np.geomspace(1, 1.004, 201) / (2 * np.pi * np.sqrt(DAMPED["La"] * DAMPED["Ca"])) / 1.002
     true = impedance(DAMPED, "short", frequency)
     reflection, spread = (true - 50) / (true + 50), 0.55
     assert np.abs(true).min() > 25e3
     rng = np.random.default_rng(4)
-    exact, logarithm = [], []
+    logarithm, white, steps = [], [], []
     for _ in range(100):
         measured = reflection + spread * np.abs(1 - reflection) * complex_normal(rng, true.size)
-        sweep = me.ImpedanceSweep("short", frequency, 50 * (1 + measured) / (1 - measured), 1.0)
+        sweep = me.ImpedanceSweep("short", frequency, 50 * (1 + measured) / (1 - measured))
         problem = Problem(dc_motor(), Measurement.of([sweep], "nanovna"))
         u = problem.vector(DAMPED)
-        exact.append(problem.residual(u))
+        here = problem.linearised(u)
         logarithm.append(problem.deviation(u))
-    scatter = spread / np.sqrt(np.size(exact))
+        white.append(np.real(here.slopes.conj() @ here.deviation))
+        errors = np.linalg.inv(here.matrix)
+        steps.append(errors @ here.gradient / np.sqrt(np.diag(errors)))
     bias = -0.5 * exp1(1 / (2 * spread**2))
+    scatter = spread / np.sqrt(np.size(logarithm))
     assert abs(bias) > 8 * scatter
     assert np.mean(logarithm).real == pytest.approx(bias, abs=4 * scatter)
-    assert abs(np.mean(exact)) < 5 * scatter
+    # The pull of white noise on each unknown, and how far all errors move it, in its error bars.
+    assert np.all(np.abs(np.mean(white, axis=0)) < 4 * np.std(white, axis=0) / np.sqrt(len(white)))
+    assert np.all(np.abs(np.mean(steps, axis=0)) < 0.5)
+
+
+def test_a_coarse_sweep_is_smoothed_no_further_than_its_noise():
+    values, frequency = {**DAMPED, "Ra": 1.0}, np.linspace(150e3, 30e6, 101)
+    true, sigma = REFLECTION.coefficient_of(impedance(values, "short", frequency)), np.full(101, 1e-4)
+    np.testing.assert_allclose(by_parabolas(true, sigma), true, atol=5e-4)
+    # Without its resonances the same noise is averaged.
+    noise = 1e-4 * complex_normal(np.random.default_rng(1), 101)
+    assert np.std(by_parabolas(noise, sigma)) < 0.6 * np.std(noise)
 
 
 def test_small_errors_in_the_reflection_are_those_in_the_impedance():
-    # A sweep without a resonance, along which the reflection may be smoothed.
-    values = {**DAMPED, "Ca": 1e-13}
-    true = impedance(values, "short", GRID_HZ)
+    true = impedance(DAMPED, "short", GRID_HZ)
     sweep = me.ImpedanceSweep("short", GRID_HZ, true * (1 + 1e-5 * np.exp(1j * np.log(GRID_HZ))), 1e-4)
     problem = Problem(dc_motor(), Measurement.of([sweep], "nanovna"))
-    u = problem.vector(values)
+    u = problem.vector(DAMPED)
     np.testing.assert_allclose(problem.residual(u), problem.deviation(u), atol=3e-7)
 
 

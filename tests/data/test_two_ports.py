@@ -60,7 +60,6 @@ def test_derivatives_are_those_by_finite_differences(quantity):
     np.testing.assert_allclose(by_ohm, quantity.slope_ohm / (WIDE_OHM + quantity.pole_ohm) ** 2, rtol=1e-3)
     np.testing.assert_allclose(by_ohm * WIDE_OHM * quantity.relative(WIDE_OHM), 1, rtol=1e-3)
     np.testing.assert_allclose(quantity.impedance_of(coefficient), WIDE_OHM, rtol=1e-9)
-    np.testing.assert_allclose(quantity.smoothed(WIDE_OHM[:5]), WIDE_OHM[:5], rtol=1e-9)
     assert pickle.loads(pickle.dumps(quantity)) == quantity
 
 

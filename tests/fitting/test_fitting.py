@@ -8,7 +8,7 @@ from ngspice import needs_ngspice, solve
 from paper_circuit import DAMPED, FREQUENCY_HZ, PRINTED, impedance
 
 import motoremi as me
-from motoremi.data.analyser import error_basis
+from motoremi.data.analyser import error_basis, find_analyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.noise import estimate_noise
 from motoremi.data.sweep import group_repeats
@@ -17,7 +17,7 @@ from motoremi.fitting.observed import informative_points
 from motoremi.fitting.paper_colony import CANDIDATES, LOOPS, STOP_DEVIATION
 from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
-from motoremi.fitting.result import restore
+from motoremi.fitting.result import restore, same_error_model
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import dc_motor
@@ -153,6 +153,26 @@ def test_analysers_errors_do_not_pass_for_misfit(measure):
         assert abs(with_analyser.parameters[name] - true) < 5 * with_analyser.sigma[name]
 
 
+@pytest.mark.parametrize("analyser", ["nanovna", None])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_sharp_resonances_at_101_points_of_a_network_analyser_are_no_misfit(seed, analyser):
+    """A calibration that is off by -54 dB, and two or three points at a resonance of quality 40."""
+    values, frequency, rng = {**DAMPED, "La": 80e-6, "Rr": 4.0}, np.linspace(150e3, 30e6, 101), np.random.default_rng(seed)
+    directivity, match, tracking = 2e-3 * np.exp(2j * np.pi * rng.random(3))
+    sweeps = []
+    for termination in ("short", "open"):
+        true = impedance(values, termination, frequency)
+        reflection = (true - 50) / (true + 50)
+        noise = 1e-4 * (rng.normal(size=(3, 101)) + 1j * rng.normal(size=(3, 101)))
+        seen = directivity + (1 + tracking) * reflection / (1 - match * reflection) + noise
+        saved = {"compensated": ["open", "short"], "read_as": "S parameters"}
+        sweeps += [me.ImpedanceSweep(termination, frequency, 50 * (1 + one) / (1 - one), metadata=saved) for one in seen]
+    found = me.fit(me.dc_motor(), sweeps, analyser=analyser)
+    assert found.unexplained_percent["value"] == pytest.approx(0, abs=0.02)
+    # Six independent parameters in three cases: one beyond 3.5 sigma in a hundred tests like this.
+    assert all(abs(found.parameters[name] - true) < 3.5 * found.sigma[name] for name, true in values.items())
+
+
 def test_noise_comes_from_repeats():
     rng = np.random.default_rng(0)
     z = impedance(DAMPED, "short")
@@ -207,6 +227,16 @@ def test_gain_error_is_marginalised_as_with_explicit_unknowns():
     dense = np.vdot(residual, np.linalg.solve(covariance, residual)).real
     # Directions of the gain error a hundred times smaller than the noise are left out.
     assert float(problem.objective(u)) == pytest.approx(dense, rel=1e-4)
+
+
+def test_a_stored_fit_tells_which_error_model_it_was_made_with():
+    short = noisy(DAMPED, 1e-3, 1)[0]
+    bridge, network = (Measurement.of([short.with_metadata(read_as=how)]) for how in ("R and X", "S parameters"))
+    stored = me.fit(me.dc_motor(), bridge).to_dict()
+    assert same_error_model(stored, bridge)
+    assert not same_error_model(stored, network)
+    assert not same_error_model(stored, bridge.with_analyser(find_analyser("4294a")))
+    assert same_error_model({}, network)
 
 
 @pytest.mark.slow

@@ -27,6 +27,8 @@ OfFrequency: TypeAlias = Callable[[FloatArray], FloatArray]
 DECLARED: Mapping[float, float] = {1.0: 0.75, 2.0: 0.17, 4.0: 0.08}
 # An analyser that is not named may be as accurate as a 4294A, or as inaccurate as a bridge of 3 %. An assumption; unconfirmed.
 UNKNOWN: Mapping[float, float] = {1.0: 0.4, 3.0: 0.3, 10.0: 0.2, 30.0: 0.1}
+# A network analyser that is not named may be as accurate as an impedance analyser, but most are NanoVNAs. An assumption; unconfirmed.
+UNKNOWN_ONE_PORT: Mapping[float, float] = {0.1: 0.15, 0.3: 0.25, 1.0: 0.4, 3.0: 0.2}
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class Analyser:
     @property
     def named(self) -> bool:
         """Whether the user named it; otherwise the size of its errors is estimated."""
-        return self.scales != UNKNOWN
+        return self.instrument != DEFAULT_ANALYSER
 
     @property
     def coefficient(self) -> Quantity:
@@ -153,21 +155,19 @@ class Analyser:
         gain = np.sqrt(np.sum(np.abs(self.smooth_errors(frequency_hz, impedance_ohm)) ** 2, axis=0))
         return np.sqrt(2 * gain**2 + series**2 + shunt**2)
 
-    def smooth_errors(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
+    def smooth_errors(self, frequency_hz: FloatArray, impedance_ohm: ComplexArray, coefficient: ComplexArray | None = None) -> ComplexArray:
         """Standard deviations of the relative errors that are smooth along frequency, shape (m, n): each row scales one smooth process.
 
-        An impedance analyser has its gain, a network analyser the error terms of `quantity`.
+        An impedance analyser has its gain, a network analyser the error terms of `quantity`: at the coefficient of this impedance, or at one
+        with less noise.
         """
         if self.quantity is None:
             return np.array([self.gain_sigma(frequency_hz).astype(np.complex128)])
-        terms = self.quantity.error_terms(self.quantity.coefficient_of(impedance_ohm))[: len(self.wave_sigma)]
+        here = self.quantity.coefficient_of(impedance_ohm) if coefficient is None else coefficient
+        terms = self.quantity.error_terms(here)[: len(self.wave_sigma)]
         factor = self.quantity.relative(impedance_ohm)
         rows = [sigma * factor * term for sigma, term in zip(self.wave_sigma, terms, strict=True)]
         return np.array(rows, dtype=np.complex128).reshape(len(rows), frequency_hz.size)
-
-    def smoothed(self, impedance_ohm: ComplexArray) -> ComplexArray:
-        """A sweep with most of its white noise removed, by what the analyser measures; see `Quantity.smoothed`."""
-        return (self.quantity or REFLECTION).smoothed(impedance_ohm)
 
 
 def _banded(frequency_hz: FloatArray, bands: tuple[tuple[float, float], ...], beyond: float) -> FloatArray:
@@ -263,6 +263,18 @@ ANALYSERS = (
     ),
 )
 DEFAULT_ANALYSER = "unknown"
+
+
+def unknown_at_one_port() -> Analyser:
+    """The error model of an analyser that is not named and saved reflections: a network analyser whose fixture may not be compensated."""
+    return dataclasses.replace(
+        find_analyser("nanovna"),
+        name=DEFAULT_ANALYSER,
+        title="a network analyser that is not named: the size of its errors is estimated from the data",
+        source="a NanoVNA's errors, at 0.1 to 3 times their size; unconfirmed",
+        span_hz=find_analyser(DEFAULT_ANALYSER).span_hz,
+        scales=UNKNOWN_ONE_PORT,
+    )
 
 
 @dataclass(frozen=True)
@@ -421,13 +433,15 @@ def specification(analyser: str, adapter: str, fixture: str) -> str:
 GAIN: Parts = ((1.0, 0.6),)
 
 
-def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> ComplexArray:
+def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: ComplexArray, coefficient: ComplexArray | None = None) -> ComplexArray:
     """Columns that span those errors of the analyser which are smooth along frequency; each coefficient has unit variance.
 
     Parameters
     ----------
     frequency_hz, impedance_ohm : ndarray, shape (n,)
-        All sweeps of one calibration; the impedance free of noise.
+        All sweeps of one calibration.
+    coefficient : ndarray, shape (n,), optional
+        That of this impedance with less noise, where a network analyser measured it.
 
     Returns
     -------
@@ -440,5 +454,5 @@ def error_basis(analyser: Analyser, frequency_hz: FloatArray, impedance_ohm: Com
     low, high = frequency_hz.min(), frequency_hz.max()
     steps = [analyser.step_share * (frequency_hz > f) for f in analyser.step_frequencies_hz if low < f < high]
     columns = np.column_stack([smooth, *steps]) if steps else smooth
-    rows = analyser.smooth_errors(frequency_hz, impedance_ohm)
+    rows = analyser.smooth_errors(frequency_hz, impedance_ohm, coefficient)
     return np.concatenate([columns * row[:, None] for row in rows], axis=1)

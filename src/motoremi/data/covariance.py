@@ -29,8 +29,9 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.analyser import Analyser, error_basis
 from motoremi.data.directions import directions as directions_of
-from motoremi.data.kernels import Parts, slope, smooth_basis
+from motoremi.data.kernels import Parts, by_parabolas, slope, smooth_basis
 from motoremi.data.noise import Noise
+from motoremi.data.quantity import Quantity
 from motoremi.data.repeats import CORRELATED
 from motoremi.interrupts import checkpoint
 from motoremi.threads import one_blas_thread
@@ -94,7 +95,6 @@ class Columns:
         known, discrepancy, places = [], [], []
         for part in parts:
             frequency = part.frequency_hz[part.chosen]
-            smooth_ohm = analyser.smoothed(part.impedance_ohm)
             slopes = slope(part.frequency_hz, part.impedance_ohm, float(np.median(part.noise.sigma)))[part.chosen]
             correlated = [] if part.noise.correlated is None else [part.noise.correlated[part.chosen, None] * smooth_basis(frequency, CORRELATED)]
             drift = [] if part.noise.drift is None else [part.noise.drift[part.chosen, None] / np.sqrt(2)]
@@ -104,10 +104,10 @@ class Columns:
             drift += [] if part.noise.moved is None else [part.noise.moved[part.chosen, moved] / np.sqrt(2)]
             known.append(np.concatenate([np.zeros((frequency.size, 0)), *correlated, *drift], axis=1))
             discrepancy.append(np.concatenate([smooth_basis(frequency, VALUE), slopes[:, None] * smooth_basis(frequency, PLACE)], axis=1))
-            places.append((frequency, smooth_ohm[part.chosen]))
-        frequency, smooth_ohm = (np.concatenate(values) for values in zip(*places, strict=True))
+            places.append((frequency, part.impedance_ohm[part.chosen], _with_less_noise(part, analyser.coefficient)[part.chosen]))
+        frequency, impedance_ohm, coefficient = (np.concatenate(values) for values in zip(*places, strict=True))
         sigma = np.concatenate([part.noise.sigma[part.chosen] for part in parts])
-        return cls(sigma, tuple(known), tuple(discrepancy), error_basis(analyser, frequency, smooth_ohm))
+        return cls(sigma, tuple(known), tuple(discrepancy), error_basis(analyser, frequency, impedance_ohm, coefficient))
 
     @property
     def known(self) -> ComplexArray:
@@ -213,6 +213,12 @@ class Whitening:
         blocks = self.blocks
         fixed = -np.sum(np.log1p(-blocks.fixed_shares)) + 2 * np.sum(np.log(blocks.sigma))
         return fixed + np.sum(np.log1p(discrepancies[:, None] ** 2 * blocks.strengths), axis=1)
+
+
+def _with_less_noise(part: Part, quantity: Quantity) -> ComplexArray:
+    """The coefficient that a network analyser measures, for its error terms: multiplied by noise, they would be correlated with the residuals."""
+    white = part.noise.sigma / np.abs(quantity.relative(part.impedance_ohm))
+    return by_parabolas(quantity.coefficient_of(part.impedance_ohm), white)
 
 
 def orthonormal(directions: ComplexArray) -> tuple[ComplexArray, FloatArray]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from motoremi.data.analyser import DEFAULT_ANALYSER, TRANSMISSION, Analyser, find_analyser
+from motoremi.data.analyser import DEFAULT_ANALYSER, TRANSMISSION, Analyser, find_analyser, unknown_at_one_port
 from motoremi.data.quantity import ports_written
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
@@ -53,6 +53,8 @@ def declared_analyser(
         remark = f"the sweeps were measured in different ways ({seen}): the size of the analyser's errors is estimated"
         return find_analyser(DEFAULT_ANALYSER), remark
     ports = next(iter(used), "")
+    if not ports and not found.named and are_reflections(sweeps):
+        return unknown_at_one_port(), ""
     if ports in ("", found.ports):
         return found, ""
     if found.ports:

@@ -23,6 +23,8 @@ KNOTS_PER_LENGTH = 4
 LEAST_VARIANCE = 1e-6
 # Number of points over which a sweep is smoothed; it reduces white noise to a quarter.
 SMOOTHED_POINTS = 15
+# Numbers of points through which a parabola is laid; 5 leave half of the noise's variance.
+PARABOLAS = (15, 9, 5)
 # Acceptable error of d ln Z / d ln f. An inductance has a slope of 1, a resonance a slope of about its quality factor.
 SLOPE_ERROR = 0.3
 
@@ -84,15 +86,28 @@ def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:
     return np.exp(_mean(values.real, SMOOTHED_POINTS) + 1j * _mean(values.imag, SMOOTHED_POINTS))
 
 
-def by_parabolas(values: ComplexArray) -> ComplexArray:
-    """Values along a sweep, each from the parabola through its neighbours (Savitzky and Golay, Analytical Chemistry 36, 1964)."""
-    if values.size < 2 * SMOOTHED_POINTS:
-        return values
-    powers = np.vander(np.linspace(-1, 1, SMOOTHED_POINTS), 3)
-    fitted, half = powers @ np.linalg.pinv(powers), SMOOTHED_POINTS // 2
+def by_parabolas(values: ComplexArray, sigma: FloatArray) -> ComplexArray:
+    """Values along a sweep, each from the parabola through its neighbours (Savitzky and Golay, Analytical Chemistry 36, 1964).
+
+    The widest of `PARABOLAS` is used from which all values differ by no more than their white noise `sigma`, which keeps resonances that are
+    sharper than the sweep is dense.
+    """
+    # The largest of n squares of complex noise exceeds this once in e^5 sweeps.
+    limit = np.sqrt(2 * (np.log(values.size) + 5)) * sigma
+    for width in PARABOLAS:
+        if values.size >= 2 * width:
+            smooth = _parabolas(values, width)
+            if np.all(np.abs(values - smooth) < limit):
+                return smooth
+    return values
+
+
+def _parabolas(values: ComplexArray, width: int) -> ComplexArray:
+    powers = np.vander(np.linspace(-1, 1, width), 3)
+    fitted, half = powers @ np.linalg.pinv(powers), width // 2
     # Those at the ends are on the parabola of the first or of the last points.
     inside = np.convolve(values, fitted[half], "valid")
-    return np.concatenate([fitted[:half] @ values[:SMOOTHED_POINTS], inside, fitted[half + 1 :] @ values[-SMOOTHED_POINTS:]])
+    return np.concatenate([fitted[:half] @ values[:width], inside, fitted[half + 1 :] @ values[-width:]])
 
 
 def _mean(values: FloatArray, width: int) -> FloatArray:

@@ -16,7 +16,7 @@ from motoremi.arrays import BoolArray, FloatArray
 from motoremi.data.analyser import Analyser
 from motoremi.data.coarse import coarse
 from motoremi.data.conditions import Condition, SingleValue
-from motoremi.data.declaration import are_reflections, declared_analyser
+from motoremi.data.declaration import declared_analyser
 from motoremi.data.mislabelled import without_mislabelled
 from motoremi.data.moved import at_average_leads
 from motoremi.data.noise import Noise, estimate_noise
@@ -68,8 +68,6 @@ class Measurement:
         Termination of each repeat that is not used because it is the other termination's sweep again.
     remark : str
         Why `analyser` is not the one that was declared; empty if it is.
-    reflections : bool
-        Whether all sweeps were read from reflections, as network analysers save them.
     """
 
     sweeps: tuple[RepeatedSweep, ...]
@@ -80,7 +78,6 @@ class Measurement:
     values: tuple[SingleValue, ...] = ()
     mislabelled: tuple[Termination, ...] = ()
     remark: str = ""
-    reflections: bool = False
 
     @classmethod
     def of(cls, sweeps: Iterable[ImpedanceSweep], analyser: str | None = None, values: Iterable[SingleValue] = ()) -> Measurement:
@@ -107,7 +104,6 @@ class Measurement:
             tuple(values),
             mislabelled,
             remark,
-            are_reflections(members),
         )
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -165,7 +165,7 @@ def _wave_domain(quantity: Quantity, mean_ohm: ComplexArray) -> _Domain:
     """Noise of a coefficient c: a^2 + (b |c|)^2."""
     coefficient = quantity.coefficient_of(mean_ohm)
     law = np.column_stack([np.ones(coefficient.size), np.abs(coefficient) ** 2])
-    return _Domain(coefficient, quantity.relative(quantity.smoothed(mean_ohm)), law)
+    return _Domain(coefficient, quantity.relative(mean_ohm), law)
 
 
 def estimated(key: ByContent) -> Noise:

@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from motoremi.arrays import ComplexArray
-from motoremi.data.kernels import by_parabolas
 
 # Reference impedance of a network analyser, in ohm.
 REFERENCE_OHM = 50.0
@@ -64,13 +63,6 @@ class Quantity(ABC):
     @abstractmethod
     def error_terms(self, coefficient: ComplexArray) -> tuple[ComplexArray, ...]:
         """What the error terms a, b and c are multiplied by in the error of the coefficient; each of the shape of the coefficient."""
-
-    def smoothed(self, impedance_ohm: ComplexArray) -> ComplexArray:
-        """A sweep with most of its white noise removed, for error models that depend on the impedance but must not depend on its noise.
-
-        About a resonance Z or 1/Z is straight over frequency, so the coefficient is smooth there, however sharp the resonance is.
-        """
-        return self.impedance_of(by_parabolas(self.coefficient_of(impedance_ohm)))
 
 
 @dataclass(frozen=True)

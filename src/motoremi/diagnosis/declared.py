@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from motoremi.arrays import Progress
-from motoremi.data.analyser import ANALYSERS, BETWEEN_PORTS, TRANSMISSION, Analyser
+from motoremi.data.analyser import ANALYSERS, BETWEEN_PORTS, DEFAULT_ANALYSER, TRANSMISSION, Analyser
 from motoremi.diagnosis.judgement import ALIKE, ONE_EFFECT, Judgement, accurate, judge
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit, summarise
 from motoremi.fitting.search import BEYOND_SIGMA, Found, Task, arrived_on_all
@@ -57,8 +57,7 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
     # An ideal analyser is checked even if a model fits: a flexible law may describe the errors of the real one.
     if first.described or (enough and (good_enough or not declared.ideal)):
         return Declared(first)
-    reflections = first.base.measurement.reflections
-    others = hypotheses(declared, reflections)
+    others = hypotheses(declared)
     if not others or first.base.measurement.remark:
         return Declared(first)
     of_best = [_refitted(best, other) for other in others]
@@ -71,28 +70,26 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         # Only single effects: two of them and the large errors of a network analyser would describe anything.
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), ONE_EFFECT, each)
         odds = other.best.score - first.best.score
-        # It counts only if it needs no errors beyond its own specification and its circuit errs at most twice as much. If the files hold
-        # reflections, a network analyser was used: the circuit may then err by more, and the analyser twice as much, since calibrations vary.
-        network = reflections and base.measurement.analyser.by_waves
-        as_close = other.model.fit.rms_error_percent <= ALIKE * first.base.rms_error_percent or network
-        within = other.model.fit.analyser_sigma <= (BEYOND_SIGMA if network else SPECIFIED_SIGMA) and as_close
+        # It counts only if it needs no errors beyond its own specification and its circuit errs at most twice as much.
+        as_close = other.model.fit.rms_error_percent <= ALIKE * first.base.rms_error_percent
+        within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and as_close
         if odds > TAKEN and other.accepted and within:
             return Declared(other, base.measurement.analyser, float(odds))
     return Declared(first)
 
 
-def hypotheses(declared: Analyser, reflections: bool = False) -> list[Analyser]:
-    """Analysers that could have been used instead, at one port or between two as the declared one; `reflections` as in `Measurement`."""
-    # A network analyser with an uncompensated fixture could absorb a lead or a stray capacitance, so it is only considered if no analyser was named
-    # and the files hold reflections.
+def hypotheses(declared: Analyser) -> list[Analyser]:
+    """Analysers that could have been used instead, at one port or between two as the declared one."""
     named = declared.instrument
-    by_waves = [one for one in ANALYSERS if one.by_waves and named == "unknown" and reflections]
     if declared.ports:
         # Real analysers between two ports have the same error terms and differ in size only.
         possible = [one for one in ANALYSERS if one.name in TRANSMISSION and one.named and not one.ideal] if declared.ideal else []
         return [BETWEEN_PORTS[declared.ports].measured_by(one.with_compensated_fixture()) for one in possible]
-    others = [one.with_compensated_fixture() for one in ANALYSERS if not one.ideal and one.name not in (named, "e4990a", "unknown")]
-    return by_waves + [one for one in others if not (named in ("e4990a", "unknown") and one.name == "4294a")]
+    # A network analyser with an uncompensated fixture could absorb a lead or a stray capacitance. All impedance analysers have errors of one shape.
+    others = [one.with_compensated_fixture() for one in ANALYSERS if not one.ideal and one.name not in (named, "e4990a", DEFAULT_ANALYSER)]
+    if not declared.named:
+        return [one for one in others if one.by_waves != declared.by_waves]
+    return [one for one in others if not (named == "e4990a" and one.name == "4294a")]
 
 
 def _refitted(fit: Fit, analyser: Analyser) -> Fit:

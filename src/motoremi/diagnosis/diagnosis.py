@@ -286,12 +286,7 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
                 return _informed(Searched(fit, alone), fit.measurement, each)
         first = judge(fit, search, each=each)
         under_others, last = part(progress, AGAIN, TOGETHER), part(progress, TOGETHER, 1.0)
-        # If a network analyser was used and not named, its errors would be taken for outliers.
-        unnamed = fit.measurement.reflections and not fit.measurement.analyser.named
-        declared = likeliest(first, under_others, each) if unnamed else None
-        if declared is None or declared.instead is None:
-            cleaned = _cleaned(fit, first, again, each)
-            declared = declared if declared is not None and cleaned is first else likeliest(cleaned, under_others, each)
+        declared = likeliest(_cleaned(fit, first, again, each), under_others, each)
         declared = _with_whole_machine(declared, last, each)
         return _informed(Searched(fit, declared), fit.measurement, each)
 

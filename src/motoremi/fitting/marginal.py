@@ -6,12 +6,14 @@ Laplace's method round a solution that was found at nearby sizes: there the obje
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.analyser import Analyser
 from motoremi.data.covariance import Sizes
 from motoremi.fitting.problem import AS_DECLARED, Problem
 
@@ -104,6 +106,11 @@ def _step(discrepancy: float) -> int:
     return int(np.argmin(np.abs(np.log(DISCREPANCIES / discrepancy))))
 
 
+def scales_of(analyser: Analyser) -> Mapping[float, float]:
+    """Factors on the analyser's declared errors over which the evidence is summed, with their prior probabilities."""
+    return {1.0: 1.0} if analyser.ideal else analyser.scales
+
+
 def marginal(problem: Problem, u: FloatArray) -> Marginal:
     """The evidence of a model from one solution.
 
@@ -113,7 +120,7 @@ def marginal(problem: Problem, u: FloatArray) -> Marginal:
         Of the likelihood; its sizes are those that `u` was found at.
     u : ndarray, shape (k,)
     """
-    scales = dict(problem.measurement.analyser.scales) if not problem.measurement.analyser.ideal else {1.0: 1.0}
+    scales = scales_of(problem.measurement.analyser)
     here = problem.linearised(u[None])
     products = _products(problem, here.deviation[0], here.slopes[0] * here.chain[0][:, None])
     rows = np.array([_log_evidences(problem, u, products, scale) + np.log(prior) for scale, prior in scales.items()]).T

@@ -38,8 +38,6 @@ class ObservedSweep:
         Mean impedance in ohm.
     sigma : ndarray, shape (n,)
         White noise of its real and of its imaginary part; one where all points count alike.
-    smooth : ndarray, shape (n,)
-        The measured impedance with most of its noise taken out.
     part : Part
         The sweep with its noise, and which of its points these are.
     systematic : ndarray, shape (n,)
@@ -55,7 +53,6 @@ class ObservedSweep:
     s: ComplexArray
     measured: ComplexArray
     sigma: FloatArray
-    smooth: ComplexArray
     part: Part
     systematic: FloatArray
     variance: FloatArray
@@ -116,11 +113,6 @@ class Observed:
         ends = np.cumsum([0, *(sweep.sigma.size for sweep in self.sweeps)])
         return {sweep.termination: slice(int(a), int(b)) for sweep, a, b in zip(self.sweeps, ends[:-1], ends[1:], strict=True)}
 
-    @cached_property
-    def smooth(self) -> ComplexArray:
-        """Mean impedances with most of their noise taken out."""
-        return np.concatenate([sweep.smooth for sweep in self.sweeps])
-
     def at(self, other: Observed, values: ComplexArray) -> ComplexArray:
         """Values at these points, shape (n,), interpolated to those of another grid."""
         found = []
@@ -173,7 +165,6 @@ def observed(measurement: Measurement, points: int | None, weights: Weights, hig
                 measured=impedance,
                 # A search with equal weights leaves out outliers, and points at which the analyser is insensitive.
                 sigma=np.hypot(sigma, blur) if weights == "likelihood" else np.where(outlying, OUT_OF_SIGHT, alike * blurred),
-                smooth=measurement.analyser.smoothed(mean)[chosen],
                 part=Part(sweep.frequency_hz, mean, noise, chosen),
                 systematic=systematic,
                 variance=noise.variance[chosen],

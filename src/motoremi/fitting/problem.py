@@ -276,7 +276,7 @@ class Problem:
     def _to_relative(self) -> ComplexArray:
         """Relative change of Z for one of the coefficient that the analyser measures, shape (n,)."""
         assert self._quantity is not None
-        return self._quantity.relative(self.observed.smooth)
+        return self._quantity.relative(self.observed.measured)
 
     @cached_property
     def _coefficient(self) -> ComplexArray:
@@ -398,7 +398,7 @@ class Problem:
         The smooth ones are off alike at all frequencies, as by the error of a calibration standard; those left at a connection have one value.
         """
         observed, analyser = self.observed, self.measurement.analyser
-        smooth = analyser.smooth_errors(observed.frequency_hz, observed.smooth) * (self.sizes.declared * observed.weight)
+        smooth = analyser.smooth_errors(observed.frequency_hz, observed.measured) * (self.sizes.declared * observed.weight)
         return np.concatenate([self.pull(here, smooth), self.pull(here, 1j * smooth), np.diag(np.sqrt(self.precision))[self._declared]])
 
     def pull_of_standard(self, here: Linearised) -> FloatArray:

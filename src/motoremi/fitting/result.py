@@ -20,7 +20,7 @@ from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.exchange import EXCHANGEABLE, other_assignment
 from motoremi.fitting.intervals import Derived, Interval
-from motoremi.fitting.marginal import NOTHING_LEFT, Marginal
+from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, scales_of
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem, fixture_parameters
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Found, Solution, Task
 from motoremi.fitting.warming import displacements
@@ -464,6 +464,15 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
     solution = Solution(problem.named(u), sizes, found, converged, evaluations)
     result = summarise(task, Found(solution, history, searched), method, seed)
     return dataclasses.replace(result, elapsed_s=elapsed_s, warnings=warnings)
+
+
+def same_error_model(payload: JsonDict, measurement: Measurement) -> bool:
+    """Whether a stored fit was made with the error model that these sweeps have now; true if it does not say."""
+    analyser = measurement.analyser
+    sizes = payload.get("sizes")
+    scales = sizes.get("posterior") if isinstance(sizes, dict) else None
+    same_sizes = not isinstance(scales, dict) or set(scales) == {str(scale) for scale in scales_of(analyser)}
+    return bool(payload.get("analyser", analyser.name) == analyser.name and same_sizes)
 
 
 def _completed(motor: Motor, stored: Mapping[str, float]) -> dict[str, float]:

@@ -212,9 +212,8 @@ def arrive(
 
 
 def poorly_seen(problem: Problem) -> bool:
-    """Whether an impedance analyser may err by a large part of Z (the first of `BLURS`) at some points: a resonance there may move by its width."""
-    observed = problem.observed
-    return not observed.measurement.analyser.by_waves and float(np.max(observed.systematic)) > BLURS[0]
+    """Whether the analyser may err by a large part of Z (the first of `BLURS`) at some points: a resonance there may move by its width."""
+    return float(np.max(problem.observed.systematic)) > BLURS[0]
 
 
 def arrived_on_all(
