@@ -151,6 +151,7 @@ def test_commands_speak_to_people_too(files, tmp_path):
     assert "paper" in json.dumps(load(thin).ladder[0]["fit"]["method"])
 
 
+@pytest.mark.usefixtures("few_effects")
 def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
     inductor = DATA / "eth_4294A_inductor" / "impedance.txt"
     assert motoremi("import", tmp_path / "l", "--short", inductor).returncode == 0

@@ -94,9 +94,9 @@ def test_a_healthy_motor_is_adequate(tmp_path, fixture, seed):
     assert (found.verdict, found.effects) == ("adequate", ())
 
 
-# In the series fixture motors 1, 2, 3 and 5 leave a family after a search of pairs, which takes eight times as long; so does motor 1 in the other.
+# Of eight motors in each fixture the others leave a family after a search of pairs, which takes eight times as long.
 @pytest.mark.slow
-@pytest.mark.parametrize(("fixture", "seed"), [("series-through", 4), ("shunt-through", 1)])
+@pytest.mark.parametrize(("fixture", "seed"), [("series-through", 4), ("shunt-through", 6)])
 def test_a_hidden_effect_is_named(tmp_path, fixture, seed):
     found = diagnosed(tmp_path, fixture, seed, ("eddy-laminations",))
     assert found.verdict in ("missing-effect", "family")

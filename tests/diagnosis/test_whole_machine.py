@@ -14,6 +14,7 @@ import motoremi as me
 from motoremi.cli.app import app
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.session import load
+from motoremi.diagnosis import whole_machine
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
 
 FREQUENCY_HZ = np.geomspace(10e3, 30e6, 151)
@@ -46,7 +47,10 @@ def sweeps() -> list[me.ImpedanceSweep]:
 
 @pytest.fixture(scope="module")
 def found(sweeps: list[me.ImpedanceSweep]) -> me.Diagnosis:
-    return me.diagnose(me.fit(me.dc_motor(), sweeps))
+    """Without lines, which take half of the time."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(whole_machine, "WINDING", ("",))
+        return me.diagnose(me.fit(me.dc_motor(), sweeps))
 
 
 @pytest.mark.slow

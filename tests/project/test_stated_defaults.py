@@ -168,7 +168,7 @@ def challenges_differ(folder: Path) -> None:
 
 def the_seed_of_a_scoreboard_is_drawn_and_printed(folder: Path) -> None:
     assert options("scoreboard")["--seed"].default is None
-    assert re.search(r"seed \d+", motoremi(folder, "scoreboard", "--cases", "1", "--jobs", "1").stdout)
+    assert re.search(r"seed \d+", motoremi(folder, "scoreboard", "--spectra", "--cases", "1", "--jobs", "1").stdout)
 
 
 def the_effect_of_a_demo_follows_from_its_seed(folder: Path) -> None:
