@@ -43,6 +43,8 @@ class ImportOptions:
         Limit against which the spectra are judged; empty for none.
     motor, serial, operator, ambient : str
         For the report.
+    compensated : bool
+        Whether the analyser was calibrated at the motor's terminals, or its fixture compensated there.
     """
 
     analyser: str | None = None
@@ -54,6 +56,11 @@ class ImportOptions:
     serial: str = ""
     operator: str = ""
     ambient: str = ""
+    compensated: bool = False
+
+
+# Standards that compensate a fixture, as a run on the bench records them.
+COMPENSATED = ["open", "short"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +163,7 @@ def addition(
     condition : Condition, optional
         Condition under which all sweeps were measured.
     options : ImportOptions
-        Analyser, band and accuracy; where not given, those of the session.
+        Analyser, compensation, band and accuracy; where not given, the analyser and the compensation of the session.
 
     Raises
     ------
@@ -179,6 +186,8 @@ def addition(
     analyser = find_analyser(options.analyser).name if options.analyser is not None else session.sweeps[0].metadata.get("analyser")
     if analyser is not None:
         own = [sweep.with_metadata(analyser=analyser) for sweep in own]
+    if standards := session.sweeps[0].metadata.get("compensated"):
+        own = [sweep.with_metadata(**{"compensated": standards, **sweep.metadata}) for sweep in own]
     corrected = [session.corrections.corrected_sweep(sweep) for sweep in own]
     everything = (*session.corrected_sweeps, *session.corrected_conditioned, *corrected)
     measurement = Measurement.of(everything, values=(*session.values, *values))
@@ -254,13 +263,16 @@ def prepared(
 
 
 def _with_options(sweeps: Sequence[ImpedanceSweep], options: ImportOptions) -> list[ImpedanceSweep]:
-    """The requested band of the sweeps, with the stated accuracy."""
-    if not sweeps and (options.band or options.accuracy):
-        raise BadInput("band and accuracy are for impedance sweeps, and none of the files is one (--short FILE..., --open FILE...)")
+    """The requested band of the sweeps, with the stated accuracy and compensation."""
+    if not sweeps and (options.band or options.accuracy or options.compensated):
+        raise BadInput("band, accuracy and compensation are for impedance sweeps, and none of the files is one (--short FILE..., --open FILE...)")
     percent = checked_accuracy(options.accuracy) if options.accuracy else None
     span = parse_band(options.band) if options.band else None
     own = list(sweeps) if span is None else [_within(sweep, span) for sweep in sweeps]
-    return own if percent is None else [sweep.with_metadata(accuracy_percent=percent) for sweep in own]
+    stated: JsonDict = {} if percent is None else {"accuracy_percent": percent}
+    if options.compensated:
+        stated["compensated"] = COMPENSATED
+    return [sweep.with_metadata(**stated) for sweep in own] if stated else own
 
 
 def _within(sweep: ImpedanceSweep, span: tuple[float, float]) -> ImpedanceSweep:

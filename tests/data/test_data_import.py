@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from motoremi.cli.app import app
 from motoremi.cli.arguments import expanded
 from motoremi.data.files import read_impedance
+from motoremi.data.measurement import Measurement
 from motoremi.data.session import load
 from motoremi.errors import BadInput
 
@@ -104,6 +105,23 @@ def test_band_accuracy_and_repeats_are_told_and_stored(tmp_path: Path, short: Pa
     again = json.loads(imported(tmp_path / "again", *files, "--band", "100k:100M", "--json"))
     assert "changes" not in again["sweeps"][0]
     assert again["sweeps"][0]["points"] == 31
+
+
+def test_a_calibration_at_the_motors_terminals_is_stated_once(tmp_path: Path) -> None:
+    files = {name: touchstone(tmp_path / f"{name}.s1p", FREQUENCY, ohm) for name, ohm in (("short", IMPEDANCE), ("open", IMPEDANCE + 5))}
+    told = imported(tmp_path / "plain", "--short", files["short"])
+    assert "analyser not named: reflections are taken for those of a network analyser" in told
+    assert Measurement.of(load(tmp_path / "plain" / "s").sweeps).analyser.fixture is not None
+    told = imported(tmp_path, "--short", files["short"], "--compensated")
+    assert told.splitlines()[0].endswith("calibrated at the motor's terminals")
+    assert Measurement.of(load(tmp_path / "s").sweeps).analyser.fixture is None
+    # What is added to the session was measured in the same way, unless its file says otherwise.
+    imported(tmp_path, "--append", "--open", files["open"])
+    assert Measurement.of(load(tmp_path / "s").sweeps).analyser.fixture is None
+    spectrum = tmp_path / "peak.csv"
+    spectrum.write_text("# detector: peak\nfrequency_hz,level_dbuv\n" + "".join(f"{f:.0f},40\n" for f in FREQUENCY))
+    with pytest.raises(BadInput, match="compensation are for impedance sweeps"):
+        imported(tmp_path / "none", "--spectrum", spectrum, "--compensated")
 
 
 def two_ports(path: Path, frequency: np.ndarray, through: np.ndarray, end: str = "") -> Path:

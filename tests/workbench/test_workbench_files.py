@@ -145,8 +145,8 @@ def test_the_session_is_what_the_command_makes(client, tmp_path):
         (tmp_path / name).write_bytes(data)
         assert "error" not in drop(client, name, data)
     told = {"motor": "M 7", "analyser": "4294a", "accuracy": "2", "band": "200kHz:20MHz", "operator": "me"}
-    identifier = client.post("/api/files/session", json={"name": "by page", **told}).json()["session"]
-    options = [part for key, value in told.items() for part in (f"--{key}", value)]
+    identifier = client.post("/api/files/session", json={"name": "by page", "compensated": True, **told}).json()["session"]
+    options = [*(part for key, value in told.items() for part in (f"--{key}", value)), "--compensated"]
     by = ["--short", str(tmp_path / "s.csv"), "--open", str(tmp_path / "o.csv"), "--spectrum", str(tmp_path / "peak.csv")]
     done = CliRunner().invoke(app, ["import", str(tmp_path / "by-command"), *by, "--corrections", str(tmp_path / "chain.toml"), *options])
     assert done.exit_code == 0, done.output
@@ -213,6 +213,7 @@ def test_corrections_name_no_file_of_this_machine(client, tmp_path, table):
         ({"accuracy": "-3"}, "accuracy"),
         ({"analyser": "magic"}, "unknown analyser"),
         ({"motor": 7}, "must be text"),
+        ({"compensated": "yes"}, "true or false"),
         ({"motor": "x" * 300}, "200"),
     ],
 )

@@ -59,6 +59,14 @@ def import_(
             "analyser are then those of a transmission.",
         ),
     ] = None,
+    compensated: Annotated[
+        bool,
+        typer.Option(
+            "--compensated",
+            help="The analyser was calibrated at the motor's terminals, or its fixture compensated there: without it a network analyser's fixture "
+            "of a few centimetres is estimated from the sweeps.",
+        ),
+    ] = False,
     band: Annotated[
         str, typer.Option("--band", metavar="LOW:HIGH", help="Part of the sweeps to use, for example 150kHz:30MHz; the rest is left out.")
     ] = "",
@@ -104,7 +112,7 @@ def import_(
         under = parse_condition(condition) if condition else None
         further = _sweeps(short or [], open_ or [], fixture, span, units)
         _check_units(units, further)
-        added = addition(out, further, values, under, ImportOptions(analyser, band, accuracy))
+        added = addition(out, further, values, under, ImportOptions(analyser, band, accuracy, compensated=compensated))
         added.store(out)
         _show_addition(out, added, as_json)
         return
@@ -117,7 +125,7 @@ def import_(
     spectra = [item for path in spectrum or [] for item in read_spectra(path, units)]
     _check_units(units, [*read, *spectra])
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
-    stated = ImportOptions(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient)
+    stated = ImportOptions(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient, compensated)
     made = prepared(read, spectra, stated, [path.name for path in files], values)
     sweeps, start = made.sweeps, made.start
     verdict = made.store(out)
@@ -145,13 +153,22 @@ def import_(
     for entry in chain.entries:
         say(f"corrected ({entry.role}): {entry.describe()}")
     if start["analyser_assumed"]:
-        say("analyser not named: the size of its errors is estimated from the data; give --analyser NAME if you know it (none for ideal data)")
+        say(_not_named(sweeps))
     for remark in [*made.caveats, *(one["text"] for one in made.observations)]:
         say(f"note: {remark}")
     if verdict is not None:
         say(f"verdict: {verdict['says']}")
     say(f"session: {out}" + (f"\nnext: motoremi fit {out}" if sweeps else ""))
     raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
+
+
+def _not_named(sweeps: Sequence[ImpedanceSweep]) -> str:
+    from motoremi.data.declaration import declared_analyser
+
+    by_waves = declared_analyser(sweeps)[0].by_waves
+    whose = "reflections are taken for those of a network analyser, " if by_waves else ""
+    known = "and --compensated if it was calibrated at the motor's terminals" if by_waves else "(none for ideal data)"
+    return f"analyser not named: {whose}the size of its errors is estimated from the data; give --analyser NAME if you know it {known}"
 
 
 def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
@@ -225,17 +242,19 @@ def _sweeps(
 
 
 def _read(metadata: Mapping[str, Any]) -> JsonDict:
-    """File, format and quantities, changes on import, what is doubtful, and stated accuracy."""
-    return {key: metadata[key] for key in ("source", "format", "read_as", "changes", "warnings", "accuracy_percent") if key in metadata}
+    """File, format and quantities, changes on import, what is doubtful, and what was stated of accuracy and calibration."""
+    kept = ("source", "format", "read_as", "changes", "warnings", "accuracy_percent", "compensated")
+    return {key: metadata[key] for key in kept if key in metadata}
 
 
 def _changes(metadata: Mapping[str, Any]) -> list[str]:
-    """Changes on import, what is doubtful, and the stated accuracy, in words."""
+    """Changes on import, what is doubtful, and what was stated of accuracy and calibration, in words."""
     percent = metadata.get("accuracy_percent")
     return [
         *metadata.get("changes", []),
         *(f"warning: {one}" for one in metadata.get("warnings", [])),
         *([] if percent is None else [f"accuracy stated: {percent:g} %"]),
+        *(["calibrated at the motor's terminals"] if metadata.get("compensated") else []),
     ]
 
 

@@ -173,7 +173,7 @@ def of_the_analyser(fit: Fit, accepted: bool) -> list[Finding]:
                 "not-compensated",
                 "the fixture behind the plane of calibration was not compensated; "
                 + (f"these data give {parts}" if seen else "these data do not determine it"),
-                f"calibrate at the motor's terminals: {analyser.standards} on the fixture itself",
+                f"calibrate at the motor's terminals: {analyser.standards} on the fixture itself (if that was done, import with --compensated)",
                 True,
             )
         )

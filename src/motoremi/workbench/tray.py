@@ -279,8 +279,10 @@ def _stated(body: Mapping[str, Any], corrections: Corrections) -> ImportOptions:
     for key, text in texts.items():
         if not isinstance(text, str) or len(text) > LONGEST_TEXT:
             raise BadInput(f"{key} must be text of at most {LONGEST_TEXT} characters")
-    analyser = texts.pop("analyser") or None
-    return ImportOptions(analyser=analyser, corrections=corrections, **{key: text.strip() for key, text in texts.items()})
+    analyser, compensated = texts.pop("analyser") or None, body.get("compensated", False)
+    if not isinstance(compensated, bool):
+        raise BadInput("compensated must be true or false")
+    return ImportOptions(analyser=analyser, corrections=corrections, compensated=compensated, **{key: text.strip() for key, text in texts.items()})
 
 
 def _tables(data: bytes, name: str) -> frozenset[str]:

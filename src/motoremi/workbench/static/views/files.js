@@ -66,6 +66,7 @@ function form(data, page) {
   const field = ([name, [text, hint]]) => [label(name, text), h("input", { type: "text", id: `import-${name}`, maxlength: 200, value: kept[name] ?? "", placeholder: hint, oninput: keep(name) })];
   const analyser = h("select", { id: "import-analyser", onchange: keep("analyser") },
     h("option", { value: "" }, "as the files say, or not known"), Object.entries(data.analysers).map(([name, title]) => h("option", { value: name, selected: name === kept.analyser }, `${name}: ${title}`)));
+  const compensated = h("input", { type: "checkbox", id: "import-compensated", checked: kept.compensated ?? false, onchange: (event) => { kept.compensated = event.target.checked; sessionStorage.setItem(FORM, JSON.stringify(kept)); } });
   const submit = async (event) => {
     event.preventDefault();
     const made = await page.work("making the session", () => post("/api/files/session", kept));
@@ -77,7 +78,8 @@ function form(data, page) {
   };
   const [motor, ...others] = Object.entries(FIELDS);
   return h("form", { class: "fields", onsubmit: submit },
-    field(motor), h("span", {}, label("analyser", "Analyser"), " ", term("analyser", "?")), analyser, others.flatMap(field),
+    field(motor), h("span", {}, label("analyser", "Analyser"), " ", term("analyser", "?")), analyser,
+    h("label", { class: "wide" }, compensated, " calibrated at the motor's terminals, or the fixture compensated"), others.flatMap(field),
     h("div", { class: "row wide" }, h("button", { type: "submit", class: "main", id: "make-session" }, "Make session")));
 }
 
