@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from covariances import complex_normal
 from diagnosis_contract import check_contract
-from few_effects import seeking
+from few_effects import FEW, seeking
 from paper_circuit import DAMPED, impedance
 from typer.testing import CliRunner
 
@@ -225,7 +225,9 @@ def test_of_a_strap_as_short_as_leads_the_report_says_so(strap_h, said):
 
 
 def test_a_layer_of_distributed_resistance_is_not_two_relaxations():
-    found = answer(swept(11, both(grid(401)), ("outside-charge-diffusion",)), ("outside-charge-diffusion",))
+    relaxations = {f"{name}@{element}" for name in ("dielectric-relaxation", "insulation-leakage", "dielectric-loss") for element in ("Ca", "Cr", "Cf")}
+    with seeking({*FEW, *relaxations, "bearing-film", "brush-contact"}):
+        found = answer(swept(11, both(grid(401)), ("outside-charge-diffusion",)), ("outside-charge-diffusion",))
     assert found is not None
     assert found.verdict == "unexplained"
     assert not found.effects
