@@ -225,8 +225,8 @@ def test_of_a_strap_as_short_as_leads_the_report_says_so(strap_h, said):
 
 
 def test_a_layer_of_distributed_resistance_is_not_two_relaxations():
-    of_the_insulation = {f"{law}@{place}" for law in ("dielectric-relaxation", "insulation-leakage", "dielectric-loss") for place in ("Ca", "Cr", "Cf")}
-    with seeking({*FEW, *of_the_insulation, "bearing-film", "brush-contact"}):
+    laws, places = ("dielectric-relaxation", "insulation-leakage", "dielectric-loss"), ("Ca", "Cr", "Cf")
+    with seeking({*FEW, *(f"{law}@{place}" for law in laws for place in places), "bearing-film", "brush-contact"}):
         found = answer(swept(11, both(grid(401)), ("outside-charge-diffusion",)), ("outside-charge-diffusion",))
     assert found is not None
     assert found.verdict == "unexplained"
