@@ -144,7 +144,7 @@ def candidate(fit: Fit, base: Fit) -> Candidate:
     """The candidate for a fit with more effects than `base`, with its score."""
     added = fit.effects[len(base.effects) :]
     bounds = at_bounds(fit, added)
-    score = fit.log_evidence + prior_of_set(base, len(added)) + prior_of_values(fit, added) - BOUND_PENALTY * len(bounds)
+    score = fit.log_evidence + prior_of_set(base, len(added)) + prior_of_effects(added) + prior_of_values(fit, added) - BOUND_PENALTY * len(bounds)
     before, after = base.unexplained_percent["value"], fit.unexplained_percent["value"]
     return Candidate(added, fit, float(score), bounds, min(1.0, after / before) if before else 0.0)
 
@@ -157,6 +157,11 @@ def prior_of_set(base: Fit, size: int) -> float:
 def prior_of_size(size: int, possible: int) -> float:
     """Log prior of one set of so many of the possible effects: sets of one size are equally likely."""
     return float(np.log(PRIOR_OF_SIZE[min(size, len(PRIOR_OF_SIZE) - 1)]) - np.log(comb(max(possible, size), size)))
+
+
+def prior_of_effects(added: Sequence[str]) -> float:
+    """Change of a set's log prior by effects that few motors have."""
+    return float(np.sum(np.log([find_effect(name).effect.odds for name in added])))
 
 
 def prior_of_values(fit: Fit, added: Sequence[str]) -> float:

@@ -80,6 +80,8 @@ class Effect:
     imitated : mapping
         Place -> a cause outside the catalogue that has nearly the same impedance there (for a law with a flexible shape) and responds alike to
         every measurement of the menu.
+    odds : float
+        Prior odds of it relative to other effects: below 1 for what few DC motors have.
     kin : str
         Finer grouping than `group`, for tables. Which effects the *data* cannot distinguish is computed and does not depend on it.
     """
@@ -113,6 +115,7 @@ class Effect:
     beside: Mapping[str, str] = field(default_factory=dict)
     imitated: Mapping[str, str] = field(default_factory=dict)
     excludes: tuple[str, ...] = ()
+    odds: float = 1.0
 
     @property
     def family(self) -> str:

@@ -139,6 +139,8 @@ EFFECTS = (
         starts=tuple({"share": k, "corner_hz": f, "skin_hz": 3e5, Scale("La"): 1 / (1 - k)} for k in (0.2, 0.6) for f in (100.0, 500.0, 2e3)),
         responds={"dc-bias": {"share": 1.05}, "rotor-out": {"share": 0.0}},
         copper={"corner_hz": 1.0},
+        # The armature of a DC motor is wound, and what acts like a cage there is solid iron, which other effects describe as well. An estimate.
+        odds=0.2,
         seen_as=("inductance-loop",),
         shows_below_hz=CAGE_SEEN_BELOW_HZ,
     ),
