@@ -31,6 +31,7 @@ def change(motor, place, parameters):
 MINE = Effect(
     name="mine", group="winding", title="mine", formula="-", parameters=({parameters},), limit="-", limit_values={{}}, signature="-",
     look_alikes=(), deciding="-", source="none", change=change, starts=({starts},),
+    odds={odds},
 )
 """
 SHARE = 'Parameter("share", "", 0.1, {high}, "a core"), Parameter("corner_hz", "Hz", 1e5, 1e7, "a core")'
@@ -51,7 +52,7 @@ def own(tmp_path: Path):
 
     def written(**parts: str) -> Path:
         path = tmp_path / "own.py"
-        path.write_text(OWN.format(**parts))
+        path.write_text(OWN.format(**{"odds": "1.0", **parts}))
         return path
 
     yield written
@@ -121,6 +122,7 @@ def test_an_effect_of_ones_own_that_is_passive_is_taken(own) -> None:
             {**WIRE, "change": 'return motor.replaced("Ra", lambda whole: parameters["radius"])'},
             "own.py: mine: its change or its law fails: KeyError",
         ),
+        ({**CORE, "parameters": SHARE.format(high=0.95), "odds": "-1"}, "own.py: mine: its odds are -1; give a number above 0"),
     ],
 )
 def test_other_effects_of_ones_own_are_refused_in_one_line(own, monkeypatch, capsys, parts: dict[str, str], says: str) -> None:

@@ -7,6 +7,7 @@ The impedance of a passive part has a non-negative real part in the whole right 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -33,15 +34,17 @@ SAME = 1e-9
 
 
 def check_effect(effect: Effect, known: Iterable[Effect]) -> None:
-    """Refuse a user's effect that is not passive somewhere in its ranges, or that is already in the catalogue.
+    """Refuse a user's effect that is not passive somewhere in its ranges, that is already in the catalogue, or that has no possible prior odds.
 
     Errors of the analyser are not a part of the motor and need not be passive.
 
     Raises
     ------
     BadInput
-        With the values at which it is not passive, or the name of the same effect.
+        With the values at which it is not passive, the name of the same effect, or the odds.
     """
+    if not (isinstance(effect.odds, (int, float)) and 0 < effect.odds < math.inf):
+        raise BadInput(f"{effect.name}: its odds are {effect.odds!r}; give a number above 0, 1 for an effect that every motor may have")
     alike = [other for other in known if (other.group == "instrument") == (effect.group == "instrument")]
     for identifier, place in zip(effect.identifiers, effect.places or ("",), strict=True):
         try:
