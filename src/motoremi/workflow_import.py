@@ -12,7 +12,7 @@ from motoremi.arrays import JsonDict
 from motoremi.data.analyser import find_analyser
 from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
-from motoremi.data.declaration import refuse_impossible
+from motoremi.data.declaration import COMPENSATED, refuse_impossible
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
@@ -57,10 +57,6 @@ class ImportOptions:
     operator: str = ""
     ambient: str = ""
     compensated: bool = False
-
-
-# Standards that compensate a fixture, as a run on the bench records them.
-COMPENSATED = ["open", "short"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +267,7 @@ def _with_options(sweeps: Sequence[ImpedanceSweep], options: ImportOptions) -> l
     own = list(sweeps) if span is None else [_within(sweep, span) for sweep in sweeps]
     stated: JsonDict = {} if percent is None else {"accuracy_percent": percent}
     if options.compensated:
-        stated["compensated"] = COMPENSATED
+        stated["compensated"] = list(COMPENSATED)
     return [sweep.with_metadata(**stated) for sweep in own] if stated else own
 
 

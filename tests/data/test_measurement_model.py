@@ -318,6 +318,8 @@ def test_small_errors_in_the_reflection_are_those_in_the_impedance():
     [
         ("nanovna", None, True),
         ("nanovna", ["open"], True),
+        ("nanovna", 5, True),
+        ("nanovna", "open, short", True),
         ("nanovna", ["open", "short"], False),
         ("nanovna", ["open", "short", "load"], False),
         ("4294a", None, False),

@@ -94,7 +94,7 @@ def test_a_healthy_motor_is_adequate(tmp_path, fixture, seed):
     assert (found.verdict, found.effects) == ("adequate", ())
 
 
-# Of eight motors in each fixture the others leave a family after a search of pairs, which takes eight times as long.
+# Of eight motors in each fixture most leave a family after a search of pairs, which takes eight times as long.
 @pytest.mark.slow
 @pytest.mark.parametrize(("fixture", "seed"), [("series-through", 4), ("shunt-through", 6)])
 def test_a_hidden_effect_is_named(tmp_path, fixture, seed):

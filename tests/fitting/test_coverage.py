@@ -50,17 +50,16 @@ def test_95_percent_interval_holds_the_truth_95_percent_of_the_time():
 @pytest.mark.parametrize("load_ohm", [49.0, 51.4])
 def test_the_load_of_a_calibration_is_in_the_error_bars(load_ohm):
     """A handheld analyser whose load is off by 1.4 Ohm, as measured of such kits, reads all impedances 2.8 % too low, and fits as well."""
-    frequency_hz = np.geomspace(150e3, 30e6, 401)
     motors = []
     for seed in range(8):
         rng = np.random.default_rng((6, seed))
         truth = {name: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for name, (low, high) in RANGES.items()}
         sweeps = []
         for t in ("short", "open"):
-            noise = 2e-4 * (rng.normal(size=401) + 1j * rng.normal(size=401))
-            read = impedance(truth, t, frequency_hz) * 50 / load_ohm
+            noise = 2e-4 * (rng.normal(size=101) + 1j * rng.normal(size=101))
+            read = impedance(truth, t, FREQUENCY_HZ) * 50 / load_ohm
             reflected = (read - 50) / (read + 50) + noise
-            sweeps.append(me.ImpedanceSweep(t, frequency_hz, 50 * (1 + reflected) / (1 - reflected)))
+            sweeps.append(me.ImpedanceSweep(t, FREQUENCY_HZ, 50 * (1 + reflected) / (1 - reflected)))
         fit = me.fit(me.dc_motor(), sweeps, analyser="nanovna", seed=seed)
         motors.append((truth, fit))
     pulled = [abs(fit.parameters["La"] - truth["La"]) / fit.sigma["La"] for truth, fit in motors]

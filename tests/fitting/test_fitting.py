@@ -169,7 +169,7 @@ def test_sharp_resonances_at_101_points_of_a_network_analyser_are_no_misfit(seed
         sweeps += [me.ImpedanceSweep(termination, frequency, 50 * (1 + one) / (1 - one), metadata=saved) for one in seen]
     found = me.fit(me.dc_motor(), sweeps, analyser=analyser)
     assert found.unexplained_percent["value"] == pytest.approx(0, abs=0.02)
-    # Six independent parameters in three cases: one beyond 3.5 sigma in a hundred tests like this.
+    # Seven parameters in six cases: one of them is beyond 3.5 sigma in one of fifty such tests.
     assert all(abs(found.parameters[name] - true) < 3.5 * found.sigma[name] for name, true in values.items())
 
 

@@ -146,7 +146,7 @@ def import_(
         )
         raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
     for sweep in sweeps:
-        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_changes(sweep.metadata)])}")
+        say(_as_read(sweep))
     for item in made.corrected:
         assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
         say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
@@ -195,7 +195,7 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
         )
         return
     for sweep in added.sweeps:
-        say(f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join([sweep.summary(), *_changes(sweep.metadata)])}")
+        say(_as_read(sweep))
     for one in added.values:
         say(f"value {one}")
     for remark in added.caveats:
@@ -247,15 +247,19 @@ def _read(metadata: Mapping[str, Any]) -> JsonDict:
     return {key: metadata[key] for key in kept if key in metadata}
 
 
-def _changes(metadata: Mapping[str, Any]) -> list[str]:
-    """Changes on import, what is doubtful, and what was stated of accuracy and calibration, in words."""
-    percent = metadata.get("accuracy_percent")
-    return [
-        *metadata.get("changes", []),
-        *(f"warning: {one}" for one in metadata.get("warnings", [])),
+def _as_read(sweep: ImpedanceSweep) -> str:
+    """A line with file and span, changes on import, what is doubtful, and what was stated of accuracy and calibration."""
+    from motoremi.data.declaration import is_compensated
+
+    percent = sweep.metadata.get("accuracy_percent")
+    parts = [
+        sweep.summary(),
+        *sweep.metadata.get("changes", []),
+        *(f"warning: {one}" for one in sweep.metadata.get("warnings", [])),
         *([] if percent is None else [f"accuracy stated: {percent:g} %"]),
-        *(["calibrated at the motor's terminals"] if metadata.get("compensated") else []),
+        *(["calibrated at the motor's terminals"] if is_compensated(sweep) else []),
     ]
+    return f"{sweep.termination:5s} {_origin(sweep.metadata)}: {'; '.join(parts)}"
 
 
 def _origin(metadata: Mapping[str, Any]) -> str:

@@ -104,9 +104,11 @@ class Columns:
             drift += [] if part.noise.moved is None else [part.noise.moved[part.chosen, moved] / np.sqrt(2)]
             known.append(np.concatenate([np.zeros((frequency.size, 0)), *correlated, *drift], axis=1))
             discrepancy.append(np.concatenate([smooth_basis(frequency, VALUE), slopes[:, None] * smooth_basis(frequency, PLACE)], axis=1))
-            places.append((frequency, part.impedance_ohm[part.chosen], _with_less_noise(part, analyser.coefficient)[part.chosen]))
-        frequency, impedance_ohm, coefficient = (np.concatenate(values) for values in zip(*places, strict=True))
+            places.append((frequency, part.impedance_ohm[part.chosen]))
+        frequency, impedance_ohm = (np.concatenate(values) for values in zip(*places, strict=True))
         sigma = np.concatenate([part.noise.sigma[part.chosen] for part in parts])
+        quantity = analyser.quantity
+        coefficient = None if quantity is None else np.concatenate([_with_less_noise(part, quantity) for part in parts])
         return cls(sigma, tuple(known), tuple(discrepancy), error_basis(analyser, frequency, impedance_ohm, coefficient))
 
     @property
@@ -216,9 +218,9 @@ class Whitening:
 
 
 def _with_less_noise(part: Part, quantity: Quantity) -> ComplexArray:
-    """The coefficient that a network analyser measures, for its error terms: multiplied by noise, they would be correlated with the residuals."""
+    """The coefficient at the chosen points, for the error terms: terms that contain its noise would be correlated with the residuals."""
     white = part.noise.sigma / np.abs(quantity.relative(part.impedance_ohm))
-    return by_parabolas(quantity.coefficient_of(part.impedance_ohm), white)
+    return by_parabolas(quantity.coefficient_of(part.impedance_ohm), white)[part.chosen]
 
 
 def orthonormal(directions: ComplexArray) -> tuple[ComplexArray, FloatArray]:

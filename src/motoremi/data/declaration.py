@@ -16,6 +16,16 @@ from motoremi.errors import BadInput
 _REFLECTIONS = ("S parameters", "S11")
 
 
+# Standards with which a fixture is compensated: a sweep's metadata list them under `compensated`.
+COMPENSATED = ("open", "short")
+
+
+def is_compensated(sweep: ImpedanceSweep) -> bool:
+    """Whether the fixture was compensated, or the analyser calibrated at the motor's terminals, according to the sweep's metadata."""
+    stated = sweep.metadata.get("compensated")
+    return isinstance(stated, (list, tuple)) and set(COMPENSATED) <= set(map(str, stated))
+
+
 def ports_of(sweep: ImpedanceSweep) -> str:
     """Connection of the motor between two ports, `series-through` or `shunt-through`; empty for another one or none."""
     return ports_written(sweep.metadata.get("fixture", ""))

@@ -23,7 +23,7 @@ KNOTS_PER_LENGTH = 4
 LEAST_VARIANCE = 1e-6
 # Number of points over which a sweep is smoothed; it reduces white noise to a quarter.
 SMOOTHED_POINTS = 15
-# Numbers of points through which a parabola is laid; 5 leave half of the noise's variance.
+# Numbers of points through which a parabola is laid: it leaves a seventh, a quarter or a half of the noise's variance.
 PARABOLAS = (15, 9, 5)
 # Acceptable error of d ln Z / d ln f. An inductance has a slope of 1, a resonance a slope of about its quality factor.
 SLOPE_ERROR = 0.3
@@ -92,7 +92,7 @@ def by_parabolas(values: ComplexArray, sigma: FloatArray) -> ComplexArray:
     The widest of `PARABOLAS` is used from which all values differ by no more than their white noise `sigma`, which keeps resonances that are
     sharper than the sweep is dense.
     """
-    # The largest of n squares of complex noise exceeds this once in e^5 sweeps.
+    # Of n complex values with this noise, none exceeds the limit in all but one of e^5 sweeps.
     limit = np.sqrt(2 * (np.log(values.size) + 5)) * sigma
     for width in PARABOLAS:
         if values.size >= 2 * width:

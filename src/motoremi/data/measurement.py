@@ -16,7 +16,7 @@ from motoremi.arrays import BoolArray, FloatArray
 from motoremi.data.analyser import Analyser
 from motoremi.data.coarse import coarse
 from motoremi.data.conditions import Condition, SingleValue
-from motoremi.data.declaration import declared_analyser
+from motoremi.data.declaration import declared_analyser, is_compensated
 from motoremi.data.mislabelled import without_mislabelled
 from motoremi.data.moved import at_average_leads
 from motoremi.data.noise import Noise, estimate_noise
@@ -93,7 +93,7 @@ class Measurement:
         conditioned = [sweep for sweep in given if sweep.condition is not None]
         chosen, remark = declared_analyser(members, analyser, conditioned)
         stated = [float(m.metadata["accuracy_percent"]) for m in members if m.metadata.get("accuracy_percent")]
-        compensated = all({"open", "short"} <= set(m.metadata.get("compensated") or ()) for m in members)
+        compensated = all(is_compensated(sweep) for sweep in members)
         groups = tuple(at_average_leads(group, chosen.quantity) for group in kept)
         return cls(
             groups,

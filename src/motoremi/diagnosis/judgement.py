@@ -46,8 +46,8 @@ FURTHER_RELIEF_SIGMA = 6.0
 # Log odds that suffice for an effect that describes everything with usual values. In 45 sets of sweeps of motors without a hidden effect, outside
 # the protocol (seed 881177), a wrong effect gained at most 6, and one in place of a capacitance that drifted 21.
 ENOUGH_GAIN = 25.0
-# Four times the specification, the largest errors that are thought possible of a named analyser. Of three network analysers with two names and
-# larger ones none was right (20, 22 and 100 standard deviations; two independent generators and a hard board).
+# `BEYOND_SIGMA` of a network analyser: four times the specification, the largest errors that the prior of a named analyser allows. Three pairs of
+# effects that needed larger ones (20, 22 and 100 standard deviations; two independent generators and a hard board) were all wrong.
 BEYOND_SIGMA_OF_NETWORK = 12.0
 # Share of the undescribed part that an approximate law may leave: winding sections leave 4 and 10 % of it where a winding's sections are unlike.
 NEARLY_ALL = 0.1

@@ -6,6 +6,7 @@ import math
 
 from motoremi.arrays import JsonDict
 from motoremi.data.calibration import calibration_doubt
+from motoremi.data.declaration import is_compensated
 from motoremi.data.origin import measured_on
 from motoremi.data.session import Session
 from motoremi.data.state import marks_of, states_of
@@ -104,8 +105,7 @@ def _of_the_set_up(session: Session) -> list[str]:
     if session.start.get("analyser_assumed"):
         found.append("the analyser was not named: the size of its errors is estimated from the data")
     for sweep in session.sweeps:
-        compensated = sweep.metadata.get("compensated")
-        if isinstance(compensated, list) and not {"open", "short"} <= set(map(str, compensated)):
+        if isinstance(sweep.metadata.get("compensated"), list) and not is_compensated(sweep):
             found.append(f"{sweep.termination} sweep: the fixture was not compensated with both open and short standard")
     return found
 

@@ -61,12 +61,12 @@ export function filesRead(data, page) {
 
 function form(data, page) {
   const kept = JSON.parse(sessionStorage.getItem(FORM)) ?? {};
-  const keep = (name) => (event) => { kept[name] = event.target.value; sessionStorage.setItem(FORM, JSON.stringify(kept)); };
+  const keep = (name, property = "value") => (event) => { kept[name] = event.target[property]; sessionStorage.setItem(FORM, JSON.stringify(kept)); };
   const label = (name, text) => h("label", { for: `import-${name}` }, text);
   const field = ([name, [text, hint]]) => [label(name, text), h("input", { type: "text", id: `import-${name}`, maxlength: 200, value: kept[name] ?? "", placeholder: hint, oninput: keep(name) })];
   const analyser = h("select", { id: "import-analyser", onchange: keep("analyser") },
     h("option", { value: "" }, "as the files say, or not known"), Object.entries(data.analysers).map(([name, title]) => h("option", { value: name, selected: name === kept.analyser }, `${name}: ${title}`)));
-  const compensated = h("input", { type: "checkbox", id: "import-compensated", checked: kept.compensated ?? false, onchange: (event) => { kept.compensated = event.target.checked; sessionStorage.setItem(FORM, JSON.stringify(kept)); } });
+  const compensated = h("input", { type: "checkbox", id: "import-compensated", checked: kept.compensated ?? false, onchange: keep("compensated", "checked") });
   const submit = async (event) => {
     event.preventDefault();
     const made = await page.work("making the session", () => post("/api/files/session", kept));
