@@ -110,10 +110,13 @@ def test_band_accuracy_and_repeats_are_told_and_stored(tmp_path: Path, short: Pa
 def test_a_calibration_at_the_motors_terminals_is_stated_once(tmp_path: Path) -> None:
     files = {name: touchstone(tmp_path / f"{name}.s1p", FREQUENCY, ohm) for name, ohm in (("short", IMPEDANCE), ("open", IMPEDANCE + 5))}
     told = imported(tmp_path / "plain", "--short", files["short"])
-    assert "analyser not named: reflections are taken for those of a network analyser" in told
+    assert "give --analyser NAME if you know it, and --compensated if it was" in told
+    assert "Reflections are taken for those of a network analyser" in told
     assert Measurement.of(load(tmp_path / "plain" / "s").sweeps).analyser.fixture is not None
     told = imported(tmp_path, "--short", files["short"], "--compensated")
     assert told.splitlines()[0].endswith("calibrated at the motor's terminals")
+    assert "--compensated" not in told
+    assert "Reflections are taken for those of a network analyser" in told
     assert Measurement.of(load(tmp_path / "s").sweeps).analyser.fixture is None
     # What is added to the session was measured in the same way, unless its file says otherwise.
     imported(tmp_path, "--append", "--open", files["open"])

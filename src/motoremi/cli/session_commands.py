@@ -163,12 +163,14 @@ def import_(
 
 
 def _not_named(sweeps: Sequence[ImpedanceSweep]) -> str:
-    from motoremi.data.declaration import declared_analyser
+    from motoremi.data.declaration import declared_analyser, is_compensated
 
-    by_waves = declared_analyser(sweeps)[0].by_waves
-    whose = "reflections are taken for those of a network analyser, " if by_waves else ""
-    known = "and --compensated if it was calibrated at the motor's terminals" if by_waves else "(none for ideal data)"
-    return f"analyser not named: {whose}the size of its errors is estimated from the data; give --analyser NAME if you know it {known}"
+    told = "analyser not named: the size of its errors is estimated from the data; give --analyser NAME if you know it"
+    if not declared_analyser(sweeps)[0].by_waves:
+        return f"{told} (none for ideal data)"
+    if not all(is_compensated(sweep) for sweep in sweeps):
+        told += ", and --compensated if it was calibrated at the motor's terminals"
+    return f"{told}. Reflections are taken for those of a network analyser"
 
 
 def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
