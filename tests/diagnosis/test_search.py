@@ -133,7 +133,8 @@ def test_the_better_of_two_solutions_of_one_set_is_kept():
     [
         ({"": 0, "a": 50, "ab": 90}, ("a",), 1),  # nothing is left
         ({"": 0, "a": 2.9, "ab": 90}, (), 1),  # odds of less than 20 to 1
-        ({"": 0, "a": 10, "ab": 20, "abc": 90}, (), 2),  # as many as may be
+        ({"": 0, "a": 10, "ab": 20, "abc": 40}, ("ab",), 2),  # nothing is left of two
+        ({"": 0, "a": 10, "ab": 20, "abc": 90, "abcd": 200}, (), 3),  # as many as may be
     ],
 )
 def test_where_it_stops(scores, finished, sizes):

@@ -121,7 +121,8 @@ def test_linked_flux_leaves_higher_resonances_less_inductance():
 
 def test_laws_of_copper_and_core_act_in_every_section():
     effects = ("winding-sections", "rotor-cage", "skin-effect")
-    values = {"rotor-cage.share": 0.5, "rotor-cage.corner_hz": 300.0, "rotor-cage.skin_hz": 1e4, "skin-effect.radius_m": 4e-4}
+    cage = {"rotor-cage.share": 0.5, "rotor-cage.corner_hz": 300.0, "rotor-cage.skin_hz": 1e4}
+    values = {**cage, "skin-effect.radius_m": 4e-4, "skin-effect.share": 0.7}
     got = modelled("short", effects, **sections(0.5, 1, 0.5), **values)
     branch = modelled("short", ("rotor-cage", "skin-effect"), **values)
     # A single section: the winding with half of the spread capacitance at its open end.

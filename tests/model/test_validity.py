@@ -40,9 +40,9 @@ CORE = {
     "starts": '{"share": 0.3, "corner_hz": 1e6}',
 }
 WIRE = {
-    "change": 'return motor.replaced("Ra", lambda whole: with_law(whole, materials.skin_factor, tuple(parameters.values())))',
-    "parameters": 'Parameter("wire_m", "m", 1e-4, 1e-3, "wire")',
-    "starts": '{"wire_m": 4e-4}',
+    "change": 'return motor.replaced("Ra", lambda whole: with_law(whole, materials.wire_factor, tuple(parameters.values())))',
+    "parameters": 'Parameter("wire_m", "m", 1e-4, 1e-3, "wire"), Parameter("copper", "", 1e-3, 1.0, "of Ra")',
+    "starts": '{"wire_m": 4e-4, "copper": 1.0}',
 }
 
 

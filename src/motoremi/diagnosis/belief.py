@@ -25,8 +25,6 @@ LEAST_DOUBT = 0.05
 # A family lists its most probable members until they have this share of its posterior (the confidence of such an answer), and only those with at
 # least the second share of the best member's.
 FAMILY_TOGETHER, FAMILY_SHARE = 0.97, 0.01
-# Largest number of named effects: three describe almost any curve, even if they are wrong.
-MOST_NAMES = 2
 # An undescribed part below this share of the floor is `slight`: analyser or motor may have caused it.
 SLIGHT_SHARE = 0.25
 # A model describes most of the error if its undescribed part is at most this share of the base's.
@@ -76,6 +74,7 @@ RELIABLE: Mapping[str, float] = {
     "hardly matters": 0.75,
     "two names": 0.7,
     "two names, one describes nearly all": 0.5,
+    "three names": 0.6,
     "family": 0.97,
     "mostly": 0.75,
     "slight": 0.85,

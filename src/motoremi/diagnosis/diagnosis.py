@@ -452,7 +452,9 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
 def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], findings: Sequence[Finding]) -> float:
     """Probability of the named set times the lowest `RELIABLE` of all kinds that apply."""
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
-    if len(named) > 1:
+    if len(named) > 2:
+        kinds.append("three names")
+    elif len(named) > 1:
         kinds.append("two names" if judgement.describes_nearly_all is None else "two names, one describes nearly all")
     if named and judgement.model.unusual:
         kinds.append("unusual values")
@@ -505,7 +507,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
                 f"({', '.join(judgement.best.unusual)}): an effect outside the catalogue is more probable",
             ]
         return [
-            f"{missing} and none of {tried} effects, nor two of them together, explains it",
+            f"{missing} and none of {tried} effects, nor two or three of them together, explains it",
             *_whole_machine_in_words(judgement.whole),
             f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
             f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",

@@ -60,16 +60,16 @@ class Budget:
     Parameters
     ----------
     swapped : int
-        Number of models of one size in which effects are swapped. The second one is swapped only if its score is within `gain` of the first.
+        Number of models of one or two effects in which effects are swapped (of three: one). The second one is swapped only if its score is within
+        `gain` of the first.
     swaps : tuple of int
-        Largest number of rounds of swaps, for each size. Their count is the largest size: more than two effects describe almost any
-        curve, even if they are wrong, and are never named.
+        Largest number of rounds of swaps, for each size. Their count is the largest size: more than three effects describe almost any curve.
     gain : float
         Smallest gain in log score of a further effect or a swap: odds of 20 to 1.
     """
 
     swapped: int = 2
-    swaps: tuple[int, ...] = (2, 3)
+    swaps: tuple[int, ...] = (2, 3, 1)
     gain: float = 3.0
 
     @property
@@ -129,7 +129,7 @@ def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progr
             return
         best = leaders[0].score
         # If the best model describes everything, only its own effects are swapped.
-        count = 1 if leaders[0].done else budget.swapped
+        count = 1 if leaders[0].done or size > 2 else budget.swapped
         models = [model for model in leaders[:count] if key_of(model) not in swapped and model.score > best - budget.gain]
         for model in models:
             swapped.add(key_of(model))

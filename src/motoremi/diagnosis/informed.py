@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from scipy.special import logsumexp
 
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.belief import MOST_NAMES, RELIABLE
+from motoremi.diagnosis.belief import RELIABLE
 from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import Judgement, decided, distributed
@@ -26,10 +26,10 @@ OUTSIDE: Mapping[str, float] = {"explained": 0.03, "slight": 0.15, "mostly": 0.2
 def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> Rivals:
     """The explanations that remain, updated by sweeps under conditions and single values.
 
-    Sets that describe almost any curve (three effects, two relaxations at one place) count as outside the catalogue.
+    Sets with two relaxations at one place describe almost any curve and count as outside the catalogue.
     """
     scores = _scores(judgement)
-    credible = {key: (one.fit, scores[key]) for key, one in judgement.found.items() if len(key) <= MOST_NAMES and not distributed(key)}
+    credible = {key: (one.fit, scores[key]) for key, one in judgement.found.items() if not distributed(key)}
     if judgement.aside:
         best = max(score for _, score in credible.values())
         together = float(logsumexp([one.score for one in judgement.aside.values()]))

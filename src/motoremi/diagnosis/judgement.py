@@ -14,7 +14,6 @@ from motoremi.arrays import Progress
 from motoremi.diagnosis.belief import (
     FAMILY_TOGETHER,
     MOST_ERRING_PERCENT,
-    MOST_NAMES,
     SLIGHT_SHARE,
     Acceptance,
     Belief,
@@ -171,7 +170,7 @@ class Judgement:
 
         The laws of effects are not known so accurately that a second one is certain.
         """
-        if len(self.named) < MOST_NAMES:
+        if len(self.named) != 2:
             return None
         enough = NEXT_TO_ALL * self.base.unexplained_percent["value"]
         singles = [one for key, one in self.found.items() if len(key) == 1 and one.ordinary]
@@ -200,9 +199,7 @@ class Judgement:
         # approximately that of the motor leaves such a rest as well, but a small one.
         if found == "mostly" and self.beyond_specification and not self._nearly_all_described:
             return "not"
-        if len(self.model.added) < MOST_NAMES:
-            return found
-        return found if len(self.model.added) == MOST_NAMES and self._pair_is_credible else "not"
+        return found if len(self.model.added) < 2 or self._several_are_credible else "not"
 
     @property
     def _only_by_analyser_errors(self) -> bool:
@@ -231,13 +228,16 @@ class Judgement:
         return self.model.fit.marginal.nothing_left < 0.5 and not accurate(self.model.fit)
 
     @property
-    def _pair_is_credible(self) -> bool:
-        """Whether a pair is acceptable.
+    def _several_are_credible(self) -> bool:
+        """Whether two or three effects are acceptable.
 
         Pairs fit almost any curve, so they must leave nothing, or no more than specification or stated accuracy allow; or, with the analyser within
-        its specification, at most 0.1 % or a tenth of what the base leaves. All with usual values.
+        its specification, at most 0.1 % or a tenth of what the base leaves. Three must leave nothing, with the analyser within its specification.
+        All with usual values.
         """
         fit = self.model.fit
+        if len(self.model.added) > 2:
+            return self.model.leaves_nothing and fit.analyser_sigma <= SPECIFIED_SIGMA and not self.distributed
         # Of an unnamed analyser only the size of the errors is known, so an error much smaller than these may be its own. The scatter of short
         # sweeps does not count as such an error.
         analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
@@ -249,13 +249,13 @@ class Judgement:
 
     @property
     def distributed(self) -> bool:
-        """Whether the most probable model is two relaxations at one place: a part whose resistance is distributed has the same impedance."""
+        """Whether the most probable model has two relaxations at one place: a part whose resistance is distributed has the same impedance."""
         return distributed(self.best.added)
 
     @property
     def described(self) -> bool:
-        """Whether one or two effects describe everything, accepted or not: other analysers and contradictory sweeps are then not considered."""
-        return self.best.done and len(self.best.added) <= MOST_NAMES
+        """Whether the effects that were found describe everything, accepted or not: other analysers and contradictory sweeps are then not considered."""
+        return self.best.done
 
     @property
     def accepted(self) -> bool:
@@ -325,7 +325,7 @@ class Judgement:
     @property
     def of_singles_as_good(self) -> Judgement | None:
         """`of_singles`, if the most probable set is a pair that leaves an error too and is not much more probable; None otherwise."""
-        if len(self.named) < MOST_NAMES or not self.leaves_something:
+        if len(self.named) < 2 or not self.leaves_something:
             return None
         single = self.of_singles
         return single if single is not None and self.model.score - single.model.score <= CLEAR_GAIN else None
@@ -375,7 +375,7 @@ class Judgement:
         alike = [
             name
             for name, one in rivals.items()
-            if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) == MOST_NAMES and one.unusual)
+            if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) > 1 and one.unusual)
         ]
         return tuple(sorted(alike, key=lambda name: -rivals[name].score))
 
@@ -420,8 +420,8 @@ def of_the_analyser_alone(effects: Sequence[str]) -> bool:
 
 
 def distributed(key: Key) -> bool:
-    """Whether a set is of two relaxations at one place."""
-    return len(key) == MOST_NAMES and any(set(key) <= at_one_place for at_one_place in RELAXING)
+    """Whether a set has two relaxations at one place."""
+    return any(sum(name in at_one_place for name in key) > 1 for at_one_place in RELAXING)
 
 
 def accurate(base: Fit) -> bool:
@@ -486,6 +486,10 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER, proven: bool = False) -> Judgement:
     """The decision from the models that were found; `together` as in `belief.believe`, `proven` as in `Judgement`."""
     judgement = _with_usual_values(Judgement(base, found, believe(found, together), proven=proven), together)
+    if len(judgement.belief.named) > 2 and not judgement.accepted:
+        # Three effects that are not accepted say nothing about two.
+        fewer = {key: one for key, one in found.items() if len(key) < 3}
+        judgement = _with_usual_values(Judgement(base, fewer, believe(fewer, together), proven=proven), together)
     if len(judgement.best.added) < len(judgement.belief.named):
         # The further effects of this set only reduce the analyser's error; without such sets another one may be the most probable.
         needed = _with_usual_values(judgement.of_needed, together)
@@ -518,7 +522,7 @@ def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
     if leaves_nothing and own_size == 1 and any((name,) in usual for name in judgement.families[likeliest.effect]):
         # Its family, which is told, has an effect with usual values.
         return judgement
-    for size in range(own_size, own_size + 1 if leaves_nothing else MOST_NAMES + 1):
+    for size in range(own_size, own_size + 1 if leaves_nothing else BUDGET.most_effects + 1):
         found = {key: one for key, one in judgement.found.items() if key in usual and len(key) <= size}
         other = dataclasses.replace(judgement, belief=believe(found, together))
         if leaves_nothing:

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, candidate, own_labels, possible_effects, seen_in, unusual_values
-from motoremi.diagnosis.explore import Key, best_of
+from motoremi.diagnosis.explore import Key, ranked
 from motoremi.fitting.beside import Pairs
 from motoremi.fitting.fit import counted, counted_near, on_all_points, parts_of, task_without, trail_to
 from motoremi.fitting.race import (
@@ -40,6 +40,10 @@ from motoremi.workers import Map
 Name = TypeVar("Name", bound=Hashable)
 
 
+# Number of pairs beside which each third effect is tried.
+MOST_EXTENDED = 1
+
+
 class MotorBoard:
     """Effects on top of one fit.
 
@@ -67,9 +71,12 @@ class MotorBoard:
         """Of all single effects, or all pairs of them, those near the best, and the next ones with usual values."""
         if size == 1:
             trails, solutions = self._singles({name: trail_to(self._base, name) for name in possible_effects(self._base)}, progress)
+        elif size > 2:
+            trails = self._beside_the_best(found, size - 1, MOST_EXTENDED)
+            solutions = _likeliest_orders([race(trails, SINGLES, (), progress, self._each).solutions])
         else:
             pairs = self._leading_pairs(found, part(progress, 0.0, 0.8))
-            beside = self._beside_the_best(found)
+            beside = self._beside_the_best(found, 1, 1)
             races = ((pairs, ARRIVING, part(progress, 0.8, 0.9)), (beside, SINGLES, part(progress, 0.9, 1.0)))
             solutions = _likeliest_orders([race(each, rounds, (), own, self._each).solutions for each, rounds, own in races])
             trails = {**pairs, **beside}
@@ -118,13 +125,10 @@ class MotorBoard:
         return dict(zip(behind, self._each(raced_alone, behind.values()), strict=True))
 
     @staticmethod
-    def _beside_the_best(found: Mapping[Key, Candidate]) -> Mapping[Key, Trail]:
-        """Each effect with the best single one that leaves little: the likelihood must compare such pairs, not points of equal weight."""
-        leaving_little = [one for key, one in found.items() if len(key) == 1 and little_is_left(one.fit.sizes)]
-        if not leaving_little:
-            return {}
-        best = best_of(leaving_little)
-        return {(*best.added, name): trail_to(best.fit, name) for name in possible_effects(best.fit)}
+    def _beside_the_best(found: Mapping[Key, Candidate], size: int, count: int) -> Mapping[Key, Trail]:
+        """Each effect with the best sets of a size that leave little: the likelihood must compare such sets, not points of equal weight."""
+        leaving_little = [one for one in ranked(found, size) if little_is_left(one.fit.sizes)]
+        return {(*one.added, name): trail_to(one.fit, name) for one in leaving_little[:count] for name in possible_effects(one.fit)}
 
     def _unusual(self, trail: Trail, solution: Solution) -> bool:
         motor = trail.task.motor

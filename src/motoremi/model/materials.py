@@ -71,6 +71,22 @@ def dowell_factor(s: ComplexArray, height: Any, layers: Any) -> ValueAndSlopes:
     return y * coth + share * d_term, (slope * root, d_term * (2 * layers / 3))
 
 
+def wire_factor(s: ComplexArray, radius: Any, share: Any) -> ValueAndSlopes:
+    """`skin_factor` for the copper's share of a resistance."""
+    return _of_a_share(skin_factor(s, radius), share)
+
+
+def layers_factor(s: ComplexArray, height: Any, layers: Any, share: Any) -> ValueAndSlopes:
+    """`dowell_factor` for the copper's share of a resistance."""
+    return _of_a_share(dowell_factor(s, height, layers), share)
+
+
+def _of_a_share(whole: ValueAndSlopes, share: Any) -> ValueAndSlopes:
+    """(1 - k) + k F: the rest of the resistance, such as core losses and contacts, does not depend on frequency."""
+    factor, slopes = whole
+    return 1 + share * (factor - 1), (*(share * slope for slope in slopes), factor - 1)
+
+
 def lamination_factor(s: ComplexArray, share: Any, corner_hz: Any) -> ValueAndSlopes:
     """Flux in laminations: (1 - k) + k tanh(x)/x, x = sqrt(s / (pi fe))."""
     x = np.sqrt(s) * np.sqrt(1 / (np.pi * corner_hz))

@@ -54,22 +54,26 @@ def _film(element: str) -> Change:
     return change
 
 
+COPPER_SHARE = Parameter(
+    "share", "", 1e-4, 1.0, "copper's share of Ra: at MHz most of Ra may be core losses; 1 is a coil without a core", special=1.0
+)
+
 EFFECTS = (
     Effect(
         name="skin-effect",
         group="winding",
         kin="winding-loss",
         title="skin effect in round wire",
-        formula="Ra * x * I0(x) / (2 * I1(x)), x = radius_m * sqrt(s * mu0 * sigma_copper)",
-        parameters=(Parameter("radius_m", "m", 0.1e-3, 1.5e-3, "enamelled wire of 0.2 to 3 mm diameter"),),
+        formula="Ra * (1 - share + share * x * I0(x) / (2 * I1(x))), x = radius_m * sqrt(s * mu0 * sigma_copper)",
+        parameters=(Parameter("radius_m", "m", 0.1e-3, 1.5e-3, "enamelled wire of 0.2 to 3 mm diameter"), COPPER_SHARE),
         limit="radius_m -> 0",
-        limit_values={"radius_m": 1e-8},
+        limit_values={"radius_m": 1e-8, "share": 1.0},
         signature="R grows as sqrt(f), phase of the extra part +45 deg, the resonance of La and Ca is damped a little",
         look_alikes=("proximity-effect", "eddy-laminations"),
         deciding="a sweep from 40 Hz (the corner shows below 150 kHz) and the DC resistance",
         source="Bessel solution for a round conductor (Lammeraner and Stafl, Eddy Currents, 1966); copper at 20 °C",
-        change=scale("Ra", materials.skin_factor),
-        starts=({"radius_m": 0.4e-3},),
+        change=scale("Ra", materials.wire_factor),
+        starts=({"radius_m": 0.4e-3, "share": 1.0}, {"radius_m": 0.4e-3, "share": 0.03}),
         copper={"radius_m": -0.5},
         seen_as=("conductor-skin",),
     ),
@@ -78,24 +82,27 @@ EFFECTS = (
         group="winding",
         kin="winding-loss",
         title="proximity effect in a layered winding",
-        formula="Ra * (y / tanh(y) + (layers**2 - 1) / 3 * 2 * y * tanh(y / 2)), y = height_m * sqrt(s * mu0 * sigma_copper * 0.8)",
+        formula="Ra * (1 - share + share * (y / tanh(y) + (layers**2 - 1) / 3 * 2 * y * tanh(y / 2))), y = height_m * sqrt(s * mu0 * sigma_copper * 0.8)",
         parameters=(
             Parameter("height_m", "m", 0.05e-3, 2e-3, "equivalent foil height of 0.06 to 2.3 mm wire"),
             Parameter("layers", "", 1.0, 60.0, "one layer to a full slot; more with thin wire in a deep slot", usual=(1.0, 20.0)),
+            COPPER_SHARE,
         ),
         limit="height_m -> 0",
-        limit_values={"height_m": 1e-8, "layers": 2.0},
+        limit_values={"height_m": 1e-8, "layers": 2.0, "share": 1.0},
         signature="R grows as f^2, then as sqrt(f), far above the skin effect's; the inductance falls",
         look_alikes=("skin-effect", "eddy-laminations", "core-loss"),
         deciding="a sweep from 40 Hz (region of f^2), rotor removed, DC resistance at two temperatures",
         source="Dowell, Proc. IEE 113 (1966) 1387 (textbook form, porosity 0.8 assumed: unconfirmed for a given motor)",
-        change=scale("Ra", materials.dowell_factor),
+        change=scale("Ra", materials.layers_factor),
         # Over a band in which thick wire is far above its corner, what looks like Ra is its resistance times some thirty.
         starts=(
-            {"height_m": 0.2e-3, "layers": 4.0},
-            {"height_m": 0.08e-3, "layers": 8.0},
-            {"height_m": 0.05e-3, "layers": 3.0},
-            {"height_m": 0.5e-3, "layers": 5.0, Scale("Ra"): 0.03},
+            {"height_m": 0.2e-3, "layers": 4.0, "share": 1.0},
+            {"height_m": 0.08e-3, "layers": 8.0, "share": 1.0},
+            {"height_m": 0.05e-3, "layers": 3.0, "share": 1.0},
+            {"height_m": 0.5e-3, "layers": 5.0, "share": 1.0, Scale("Ra"): 0.03},
+            {"height_m": 0.5e-3, "layers": 5.0, "share": 0.01},
+            {"height_m": 0.1e-3, "layers": 8.0, "share": 0.1},
         ),
         copper={"height_m": -0.5},
         seen_as=("conductor-layers",),
