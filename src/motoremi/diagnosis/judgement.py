@@ -254,7 +254,7 @@ class Judgement:
 
     @property
     def described(self) -> bool:
-        """Whether the effects that were found describe everything, accepted or not: other analysers and contradictory sweeps are then not considered."""
+        """Whether everything is described, by an accepted model or not: other analysers and contradictory sweeps are then not considered."""
         return self.best.done
 
     @property
@@ -372,11 +372,7 @@ class Judgement:
         """Effects that do about as well in the place of one of the accepted model's, in a pair only with usual values; the most probable first."""
         limit = ALIKE * self.model.fit.unexplained_percent["value"]
         rivals = self._as_close(effect)
-        alike = [
-            name
-            for name, one in rivals.items()
-            if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) > 1 and one.unusual)
-        ]
+        alike = [name for name, one in rivals.items() if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) > 1 and one.unusual)]
         return tuple(sorted(alike, key=lambda name: -rivals[name].score))
 
     @property

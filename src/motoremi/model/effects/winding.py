@@ -64,7 +64,7 @@ EFFECTS = (
         group="winding",
         kin="winding-loss",
         title="skin effect in round wire",
-        formula="Ra * (1 - share + share * x * I0(x) / (2 * I1(x))), x = radius_m * sqrt(s * mu0 * sigma_copper)",
+        formula="Ra * (1 + share * (x * I0(x) / (2 * I1(x)) - 1)), x = radius_m * sqrt(s * mu0 * sigma_copper)",
         parameters=(Parameter("radius_m", "m", 0.1e-3, 1.5e-3, "enamelled wire of 0.2 to 3 mm diameter"), COPPER_SHARE),
         limit="radius_m -> 0",
         limit_values={"radius_m": 1e-8, "share": 1.0},
@@ -82,7 +82,7 @@ EFFECTS = (
         group="winding",
         kin="winding-loss",
         title="proximity effect in a layered winding",
-        formula="Ra * (1 - share + share * (y / tanh(y) + (layers**2 - 1) / 3 * 2 * y * tanh(y / 2))), y = height_m * sqrt(s * mu0 * sigma_copper * 0.8)",
+        formula="Ra * (1 + share * (y / tanh(y) + (layers**2 - 1) * y * tanh(y / 2) / 1.5 - 1)), y = height_m * sqrt(s * mu0 * sigma_copper * 0.8)",
         parameters=(
             Parameter("height_m", "m", 0.05e-3, 2e-3, "equivalent foil height of 0.06 to 2.3 mm wire"),
             Parameter("layers", "", 1.0, 60.0, "one layer to a full slot; more with thin wire in a deep slot", usual=(1.0, 20.0)),
