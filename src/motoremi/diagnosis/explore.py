@@ -69,7 +69,7 @@ class Budget:
     """
 
     swapped: int = 2
-    swaps: tuple[int, ...] = (2, 3, 1)
+    swaps: tuple[int, ...] = (2, 3, 2)
     gain: float = 3.0
 
     @property

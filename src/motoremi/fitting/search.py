@@ -20,7 +20,7 @@ from motoremi.data.covariance import LEAST_SHARE, ROUGH_SHARE, Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.fitting import wandering
 from motoremi.fitting.aco_r import Colony
-from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, marginal
+from motoremi.fitting.marginal import NOTHING_LEFT, SMALLEST, Marginal, marginal
 from motoremi.fitting.observed import OUT_OF_SIGHT
 from motoremi.fitting.polish import Polished, Precision, polish, sharpened
 from motoremi.fitting.problem import AS_DECLARED, Problem
@@ -235,6 +235,10 @@ def arrived_on_all(
             solution = arrive(task, [solution.values], sizes=solution.marginal.likeliest)
     if misses_by_far(solution.sizes):
         return least_relative(task, solution, also)
+    if solution.sizes.discrepancy == SMALLEST:
+        # Next to no discrepancy and none at all are neighbours on the grid, but the elements may differ by many error bars.
+        none = arrive(task, [solution.values], sizes=Sizes(AS_DECLARED.discrepancy, solution.sizes.declared), most=1)
+        solution = max(solution, none, key=lambda one: one.log_evidence)
     # The most probable pair of sizes may be the neighbour of the one at which the search ended.
     sizes = solution.marginal.likeliest if solution.marginal.settled(solution.sizes) else solution.sizes
     problem = task.likelihood(None, sizes)

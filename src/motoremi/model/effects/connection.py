@@ -38,9 +38,10 @@ _SKIN = Parameter(
     "skin_ohm",
     "Ohm",
     1e-4,
-    0.3,
-    "at 1 MHz 0.04 Ohm a metre of copper wire of 2 mm diameter, 0.13 of 0.6 mm; 1e-4 is none",
+    3.0,
+    "at 1 MHz 0.04 Ohm a metre of copper wire of 2 mm diameter, 0.13 of 0.6 mm; of steel some twenty times as much; 1e-4 is none",
     special=1e-4,
+    usual=(1e-4, 0.3),
 )
 
 EFFECTS = (
