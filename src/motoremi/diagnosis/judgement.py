@@ -498,8 +498,21 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
         return enough
     if (single := judgement.of_singles_as_good) is not None:
         return single
+    if judgement.accepted:
+        return judgement
     # If a larger set is not accepted and its further effects add little, the effect that does most is named and the rest stays undescribed.
-    return judgement if judgement.accepted else judgement.of_singles or judgement.of_none or judgement.of_closest or judgement
+    smaller = judgement.of_singles or judgement.of_none or judgement.of_closest
+    return smaller or _without_steps(base, found, together, proven) or judgement
+
+
+def _without_steps(base: Fit, found: Mapping[Key, Candidate], together: float, proven: bool) -> Judgement | None:
+    """The decision from the models without steps of the analyser's range, if it accepts one; None if it does not, or if no model has such a step.
+
+    A step within the specification is part of what such an analyser measures; however probable, it does not show what the motor lacks.
+    """
+    without = {key: one for key, one in found.items() if not any(find_effect(name).effect.of_ranges for name in key)}
+    judgement = decided(base, without, together, proven) if len(without) < len(found) else None
+    return judgement if judgement is not None and judgement.accepted else None
 
 
 def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
