@@ -431,3 +431,46 @@ def test_an_effect_with_usual_values_takes_the_place_of_one_with_unusual_values_
     judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
     assert judgement.named == (named,)
     assert judgement.unusual_instead is (None if named == bent.added[0] else bent)
+
+
+FLUX, AND_EDDY = ("common-mode-flux",), ("common-mode-flux", "eddy-laminations")
+
+
+def with_three(third: SimpleNamespace) -> Judgement:
+    """A motor of which one effect leaves most, and two leave more than noise and analyser would."""
+    bare = model((), 0.0, 10.0, 9.0)
+    bare.fit.measurement.floors = [[0.01]]
+    found = of(bare, model(FLUX, 200.0, 4.5, 4.0), model(AND_EDDY, 300.0, 1.0, 0.5), third)
+    return decided(bare.fit, found)  # type: ignore[arg-type]
+
+
+def test_three_effects_are_named_if_they_describe_everything_with_usual_values():
+    three = (*AND_EDDY, "dielectric-loss@Cf")
+    named = with_three(describing(three, 500.0))
+    assert named.named == three
+    assert named.accepted
+    # Otherwise the decision is the one without them, as the two relaxations at one place are.
+    for rejected in (
+        model(three, 500.0, 0.6, 0.2),
+        describing(three, 500.0, ("eddy-laminations.corner_hz",)),
+        describing((*FLUX, "dielectric-relaxation@Cf", "bearing-film"), 500.0),
+    ):
+        judgement = with_three(rejected)
+        assert not judgement.accepted
+        assert max(len(key) for key in judgement.found) == 2
+
+
+def test_three_effects_beside_an_analyser_beyond_its_specification_are_not_named():
+    third = describing((*AND_EDDY, "dielectric-loss@Cf"), 500.0)
+    third.fit.analyser_sigma = 3.5
+    assert not with_three(third).accepted
+
+
+def test_a_step_of_the_range_does_not_hide_what_is_missing_beside_it():
+    """A line of a few centimetres, measured with an analyser that changes its range within the specification."""
+    bare = model((), 0.0, 1.05, 1.0)
+    bare.fit.measurement.floors = [[0.01]]
+    found = of(bare, model(("range-step",), 100.0, 1.0, 0.95), model(("cable-delay",), 80.0, 0.44, 0.2))
+    assert decided(bare.fit, found).named == ("cable-delay",)  # type: ignore[arg-type]
+    del found[("cable-delay",)]
+    assert not decided(bare.fit, found).accepted  # type: ignore[arg-type]
