@@ -218,6 +218,16 @@ def test_less_than_counts_is_named_only_by_clear_odds_if_nothing_is_left(gain, l
     assert judgement.hardly_matters == named
 
 
+@pytest.mark.parametrize(("analyser_is_named", "left_percent", "hardly"), [(False, 0.2, True), (True, 0.2, False), (False, 0.4, False)])
+def test_a_small_part_of_the_errors_of_an_analyser_without_a_name_hardly_matters(analyser_is_named, left_percent, hardly):
+    """A frame strap whose loss looked like the film of a bearing: 0.1 % was left where 1 % may be the analyser's."""
+    found = of(model((), 0.0, 0.9, left_percent), describing(("bearing-film",), 130.0))
+    found[()].fit.measurement.analyser.named = analyser_is_named
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.named == ("bearing-film",)
+    assert judgement.hardly_matters == hardly
+
+
 @pytest.mark.parametrize(("sigma", "named"), [(4.5, False), (8.0, True)])
 def test_a_further_effect_that_only_reduces_the_analysers_error_is_named_if_that_is_twice_its_specification(sigma, named, healthy):
     layers = model(("proximity-effect",), 6000.0, 1.0, 0.0, analyser_sigma=sigma)

@@ -56,7 +56,7 @@ NO_ANALYSER_SIGMA = 300.0
 # exchanged.
 # A strap of a few centimetres was named in 2 of 4 motors whose leads were longer in one sweep (seed 26112984): they have the same impedance.
 # An effect that takes an undescribed part of less than 0.1 % to nothing, by odds above e^60, was true in 10 of 11 cases (four boards and the
-# independent generator); 0.75, since real analysers have fine structure of that size.
+# independent generator); 0.75, since real analysers have fine structure of that size. An analyser without a name may have more of it.
 # Motors behind a mains filter or a varistor with its resistor (independent generator) were told as the same sweep twice (two of two), and so were
 # all simulated operators' mistakes. How often either occurs is unknown.
 RELIABLE: Mapping[str, float] = {

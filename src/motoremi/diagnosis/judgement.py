@@ -148,8 +148,13 @@ class Judgement:
 
     @property
     def hardly_matters(self) -> bool:
-        """Whether effects are named although the base leaves less than what counts; of a network analyser see `_describes`."""
-        return bool(self.named) and self._little_is_left and not self.base.measurement.analyser.by_waves
+        """Whether effects are named although the base leaves less than what counts; of a network analyser see `_describes`.
+
+        Of an unnamed analyser, whose errors may have any fine structure, a small part of its errors does not count either.
+        """
+        analyser = self.base.measurement.analyser
+        little = self._little_is_left or (not analyser.named and acceptance_of(self.base, self.base) == "slight")
+        return bool(self.named) and little and not analyser.by_waves
 
     @property
     def _little_is_left(self) -> bool:
