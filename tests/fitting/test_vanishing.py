@@ -24,7 +24,7 @@ from motoremi.workbench.desk import Desk
 def ladder() -> list[me.Fit]:
     """Little noise, so that whatever is wrong is far above it."""
     steps = [me.fit(None, simulated_sweeps(7, ("eddy-laminations",), repeats=12)[0], analyser="4294a")]
-    for effect in ("eddy-laminations", "skin-effect", "dielectric-relaxation@Cf", "core-loss", "proximity-effect"):
+    for effect in ("eddy-laminations", "lead-inductance", "dielectric-relaxation@Cf", "core-loss", "proximity-effect"):
         steps.append(steps[-1].add(effect))
     return steps
 
@@ -40,15 +40,15 @@ def test_no_step_of_a_ladder_is_worse_than_the_one_before(ladder):
 @pytest.mark.slow
 def test_what_vanishes_is_held_and_told(ladder):
     before, after = ladder[1:3]
-    # Wire of 0.2 mm diameter, the thinnest of the catalogue, would have more skin effect than these sweeps.
-    assert after.held["skin-effect.radius_m"] == 1e-8
+    # 15 nH of leads, the least of the catalogue, would be more than these sweeps have.
+    assert after.held["lead-inductance.inductance_h"] == 0.0
     assert {name: after.parameters[name] for name in before.parameters} == before.parameters
     assert (after.sigma["Ra"], after.log_evidence) == (pytest.approx(before.sigma["Ra"], rel=1e-3), before.log_evidence)
-    told = [text for text in after.warnings if text.startswith("skin-effect: ")]
+    told = [text for text in after.warnings if text.startswith("lead-inductance: ")]
     assert len(told) == 1
     assert "the error would rise from 0.33 to" in told[0]
-    assert not any(text.startswith("skin-effect: ") for text in before.warnings)
-    assert ladder_step(before, after).unneeded == ("skin-effect",)
+    assert not any(text.startswith("lead-inductance: ") for text in before.warnings)
+    assert ladder_step(before, after).unneeded == ("lead-inductance",)
 
 
 @pytest.mark.slow
@@ -57,16 +57,16 @@ def test_it_can_be_stored_dropped_and_stays_vanished(ladder):
     again = restore(after.to_dict(), after.measurement)
     assert (again.parameters, again.held, again.warnings) == (after.parameters, after.held, after.warnings)
     assert again.rms_error_percent == pytest.approx(after.rms_error_percent, rel=1e-9)
-    dropped = after.drop("skin-effect")
+    dropped = after.drop("lead-inductance")
     assert dropped.held == {}
     assert dropped.rms_error_percent == pytest.approx(before.rms_error_percent, rel=0.01)
-    assert ladder[-1].held["skin-effect.radius_m"] == 1e-8
+    assert ladder[-1].held["lead-inductance.inductance_h"] == 0.0
 
 
 @pytest.mark.slow
 def test_an_effect_that_is_asked_for_as_it_is_stays(ladder):
-    held = ladder[1].add("skin-effect", {"skin-effect.radius_m": 3e-4})
-    assert held.parameters["skin-effect.radius_m"] == 3e-4
+    held = ladder[1].add("lead-inductance", {"lead-inductance.inductance_h": 1e-6})
+    assert held.parameters["lead-inductance.inductance_h"] == 1e-6
     assert held.rms_error_percent > 1.0
 
 
@@ -74,12 +74,12 @@ def test_an_effect_that_is_asked_for_as_it_is_stays(ladder):
 def test_a_page_keeps_of_a_diagnosis_what_the_command_would_add(tmp_path, monkeypatch):
     """The search tries an effect within its range, whatever comes of it."""
     session = Desk(make_fitted_session(tmp_path / "s"))
-    searched = followed(trail_to(session.top, "skin-effect"), session.top)
+    searched = followed(trail_to(session.top, "suppressor-capacitor@frame"), session.top)
     assert searched.rms_error_percent > 1.05 * session.top.rms_error_percent
-    found = SimpleNamespace(base=session.top, candidates=(SimpleNamespace(effect="skin-effect", fit=searched),))
+    found = SimpleNamespace(base=session.top, candidates=(SimpleNamespace(effect="suppressor-capacitor@frame", fit=searched),))
     monkeypatch.setattr(desk, "diagnose_session", lambda *_, **__: found)
     session.diagnose()
-    assert session.prepared("skin-effect").parameters == session.top.add("skin-effect").parameters
+    assert session.prepared("suppressor-capacitor@frame").parameters == session.top.add("suppressor-capacitor@frame").parameters
 
 
 def test_a_fit_of_an_earlier_version_is_restored_without_what_its_laws_have_been_given_since():

@@ -84,6 +84,14 @@ def test_a_few_points_that_stand_out_are_not_the_cause_of_a_large_error(reached,
     assert CausalCheck({"short": model}, {"short": reached}).disproved == disproved
 
 
+def test_a_point_that_does_not_raise_the_error_above_the_noise_is_told_and_disproves_nothing():
+    """A station in the sweep of a motor with a choke whose law is not the catalogue's: an analyser beyond its specification describes the rest."""
+    model = checked(simulated_sweeps(1)[0]).models["short"]
+    check = CausalCheck({"short": dataclasses.replace(model, chi2_reduced=1.0, outliers_hz=(5e6,))}, {"short": 1.1})
+    assert not check.disproved
+    assert "outliers at 5e+06 Hz" in check.reasons[0]
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_half_a_sweep_from_a_warmer_motor_is_not_causal(seed):
     """The upper half is of a motor whose resonances lie 2 % lower: two runs put together."""

@@ -36,6 +36,8 @@ WINDING = ("", "distributed-winding")
 # logarithm, all others over their usual ranges. Of four machines with five to twelve effects all came near the truth from a thousand starts, three
 # from six hundred.
 STARTS, SPREADS = 1000, (0.3, 2.0)
+# Share of the starts in which a law has its simplest form, as in its prior.
+SIMPLEST = 0.5
 # Error sizes with which the likelihood compares the parts from the start: equal weights of the points do not show which parts are needed.
 NEARLY_ALL = Sizes(0.01, 1.0)
 # Number of the sets, the best ones by then, that are fitted to the end.
@@ -83,6 +85,8 @@ def _scattered(base: Fit, names: Effects) -> Trail:
 
 
 def _drawn(parameter: Parameter, rng: np.random.Generator) -> float:
+    if parameter.special is not None and rng.random() < SIMPLEST:
+        return parameter.special
     low, high = parameter.usual or (parameter.low, parameter.high)
     return float(np.exp(rng.uniform(np.log(low), np.log(high))) if parameter.scale == "log" else rng.uniform(low, high))
 

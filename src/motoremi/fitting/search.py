@@ -237,8 +237,9 @@ def arrived_on_all(
         return least_relative(task, solution, also)
     if solution.sizes.discrepancy == SMALLEST:
         # Next to no discrepancy and none at all are neighbours on the grid, but the elements may differ by many error bars.
-        none = arrive(task, [solution.values], sizes=Sizes(AS_DECLARED.discrepancy, solution.sizes.declared), most=1)
-        solution = max(solution, none, key=lambda one: one.log_evidence)
+        solution = _continued(task, solution, Sizes(AS_DECLARED.discrepancy, solution.sizes.declared))
+    if not solution.converged:
+        solution = _continued(task, solution, solution.sizes)
     # The most probable pair of sizes may be the neighbour of the one at which the search ended.
     sizes = solution.marginal.likeliest if solution.marginal.settled(solution.sizes) else solution.sizes
     problem = task.likelihood(None, sizes)
@@ -257,6 +258,11 @@ def arrived_on_all(
     alike = closer.log_evidence > sharp.log_evidence - AS_PROBABLE and _comes_closer(task, closer, sharp)
     # A gain of less than one in log evidence is none: the sharpened solution stays.
     return closer if alike or closer.log_evidence > sharp.log_evidence + 1 else sharp
+
+
+def _continued(task: Task, solution: Solution, sizes: Sizes) -> Solution:
+    """A solution after further steps at these sizes, if that is more probable."""
+    return max(arrive(task, [solution.values], sizes=sizes, most=1), solution, key=lambda one: one.log_evidence)
 
 
 def _comes_closer(task: Task, one: Solution, other: Solution, share: float = CLOSER) -> bool:

@@ -177,7 +177,9 @@ class CausalCheck:
     def _disproves(self, termination: str) -> bool:
         model = self.models[termination]
         reached = self.reached.get(termination)
-        if model.describes_the_data or (reached is not None and model.noise_multiple <= SMALL_REST * reached):
+        # Single points that do not raise the error above the noise are not what the closest circuit lacks.
+        small = reached is not None and (model.noise_multiple <= SMALL_REST * reached or model.chi2_reduced < NOT_CAUSAL)
+        if model.describes_the_data or small:
             return False
         return model.only_outliers or ((reached is None or model.noise_multiple < reached) and not model.ended_at_most_poles)
 
@@ -187,11 +189,11 @@ class CausalCheck:
         if self.causal:
             reached = ", ".join(f"{t} {m.rms_error_percent:.2g} % with {m.order} poles" for t, m in self.models.items())
             return (f"an unrestricted causal model reaches the noise ({reached}): the physics is missing, not the quality of the data",)
-        return tuple(
-            _trouble(model) if self._disproves(termination) else _nothing_shown(model, self.reached.get(termination))
-            for termination, model in self.models.items()
-            if not model.describes_the_data
-        )
+        return tuple(self._reason(termination, model) for termination, model in self.models.items() if not model.describes_the_data)
+
+    def _reason(self, termination: str, model: CausalModel) -> str:
+        only_points = model.chi2_reduced < NOT_CAUSAL
+        return _trouble(model) if only_points or self._disproves(termination) else _nothing_shown(model, self.reached.get(termination))
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
