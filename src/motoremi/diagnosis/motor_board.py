@@ -40,10 +40,6 @@ from motoremi.workers import Map
 Name = TypeVar("Name", bound=Hashable)
 
 
-# Number of pairs beside which each third effect is tried.
-MOST_EXTENDED = 1
-
-
 class MotorBoard:
     """Effects on top of one fit.
 
@@ -68,15 +64,15 @@ class MotorBoard:
         return candidate(self._base, self._base)
 
     def sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> list[Candidate]:
-        """Of all single effects, or all pairs of them, those near the best, and the next ones with usual values."""
+        """Of all single effects, all pairs, or all third effects beside the best pair: those near the best, and the next ones with usual values."""
         if size == 1:
             trails, solutions = self._singles({name: trail_to(self._base, name) for name in possible_effects(self._base)}, progress)
         elif size > 2:
-            trails = self._beside_the_best(found, size - 1, MOST_EXTENDED)
+            trails = self._beside_the_best(found, size - 1)
             solutions = _likeliest_orders([race(trails, SINGLES, (), progress, self._each).solutions])
         else:
             pairs = self._leading_pairs(found, part(progress, 0.0, 0.8))
-            beside = self._beside_the_best(found, 1, 1)
+            beside = self._beside_the_best(found, 1)
             races = ((pairs, ARRIVING, part(progress, 0.8, 0.9)), (beside, SINGLES, part(progress, 0.9, 1.0)))
             solutions = _likeliest_orders([race(each, rounds, (), own, self._each).solutions for each, rounds, own in races])
             trails = {**pairs, **beside}
@@ -125,10 +121,10 @@ class MotorBoard:
         return dict(zip(behind, self._each(raced_alone, behind.values()), strict=True))
 
     @staticmethod
-    def _beside_the_best(found: Mapping[Key, Candidate], size: int, count: int) -> Mapping[Key, Trail]:
-        """Each effect with the best sets of a size that leave little: the likelihood must compare such sets, not points of equal weight."""
-        leaving_little = [one for one in ranked(found, size) if little_is_left(one.fit.sizes)]
-        return {(*one.added, name): trail_to(one.fit, name) for one in leaving_little[:count] for name in possible_effects(one.fit)}
+    def _beside_the_best(found: Mapping[Key, Candidate], size: int) -> Mapping[Key, Trail]:
+        """Each effect with the best set of a size that leaves little: the likelihood must compare such sets, not points of equal weight."""
+        best = next((one for one in ranked(found, size) if little_is_left(one.fit.sizes)), None)
+        return {} if best is None else {(*best.added, name): trail_to(best.fit, name) for name in possible_effects(best.fit)}
 
     def _unusual(self, trail: Trail, solution: Solution) -> bool:
         motor = trail.task.motor
