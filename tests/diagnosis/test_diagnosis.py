@@ -86,6 +86,17 @@ def test_two_hidden_effects_are_both_named(measure):
     assert diagnosis.best.rms_error_percent < 1.5 * diagnosis.best.floor_percent
 
 
+def test_three_hidden_effects_are_all_named():
+    """Two of them leave 0.15 %, which the third describes."""
+    hidden = ("insulation-leakage@Cf", "bearing-film", "frame-eddy")
+    base = me.fit(me.dc_motor(), Case(26113101, 56, "two", hidden, 1158718690).sweeps())
+    with seeking({*FEW, *hidden}):
+        found = me.diagnose(base)
+    assert set(found.effects) == set(hidden)
+    assert found.best.unexplained_percent["value"] == 0
+    assert found.best.rms_error_percent < found.best.floor_percent < base.rms_error_percent
+
+
 def test_diagnosis_goes_on_from_the_ladder(measure):
     sweeps, _ = measure(2, ("eddy-laminations",))
     solved = me.fit(me.dc_motor(), sweeps).add("eddy-laminations")

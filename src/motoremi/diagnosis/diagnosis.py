@@ -507,7 +507,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
                 f"({', '.join(judgement.best.unusual)}): an effect outside the catalogue is more probable",
             ]
         return [
-            f"{missing} and none of {tried} effects, nor two or three of them together, explains it",
+            f"{missing} and none of {tried} effects explains it, nor do two of them, nor a third beside the best two",
             *_whole_machine_in_words(judgement.whole),
             f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
             f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",

@@ -59,16 +59,15 @@ class Budget:
 
     Parameters
     ----------
-    swapped : int
-        Number of models of one or two effects in which effects are swapped (of three: one). The second one is swapped only if its score is within
-        `gain` of the first.
+    swapped : tuple of int
+        Number of models of each size in which effects are swapped. A second one is swapped only if its score is within `gain` of the first.
     swaps : tuple of int
         Largest number of rounds of swaps, for each size. Their count is the largest size: more than three effects describe almost any curve.
     gain : float
         Smallest gain in log score of a further effect or a swap: odds of 20 to 1.
     """
 
-    swapped: int = 2
+    swapped: tuple[int, ...] = (2, 2, 1)
     swaps: tuple[int, ...] = (2, 3, 2)
     gain: float = 3.0
 
@@ -121,15 +120,15 @@ def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progr
     """Swap effects of the best models of one size until that changes nothing."""
     swapped: set[Key] = set()
     best = -inf
-    times = budget.swaps[size - 1]
-    done, most = 0, times * budget.swapped * size
+    times, models_of_size = budget.swaps[size - 1], budget.swapped[size - 1]
+    done, most = 0, times * models_of_size * size
     for _ in range(times):
         leaders = ranked(found, size)
         if not leaders or leaders[0].score < best + budget.gain:
             return
         best = leaders[0].score
         # If the best model describes everything, only its own effects are swapped.
-        count = 1 if leaders[0].done or size > 2 else budget.swapped
+        count = 1 if leaders[0].done else models_of_size
         models = [model for model in leaders[:count] if key_of(model) not in swapped and model.score > best - budget.gain]
         for model in models:
             swapped.add(key_of(model))

@@ -150,7 +150,8 @@ class Judgement:
     def hardly_matters(self) -> bool:
         """Whether effects are named although the base leaves less than what counts; of a network analyser see `_describes`.
 
-        Of an unnamed analyser, whose errors may have any fine structure, a small part of its errors does not count either.
+        If the analyser has no name, an undescribed part that is `slight` beside its possible errors does not count either: their fine structure is
+        unknown.
         """
         analyser = self.base.measurement.analyser
         little = self._little_is_left or (not analyser.named and acceptance_of(self.base, self.base) == "slight")
@@ -374,7 +375,7 @@ class Judgement:
         return {name: one for name, one in rivals.items() if one.fit.rms_error_percent <= limit}
 
     def _alike(self, effect: str) -> Key:
-        """Effects that do about as well in the place of one of the accepted model's, in a pair only with usual values; the most probable first."""
+        """Effects that do about as well in the place of an accepted one, beside others only with usual values; the most probable first."""
         limit = ALIKE * self.model.fit.unexplained_percent["value"]
         rivals = self._as_close(effect)
         alike = [name for name, one in rivals.items() if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) > 1 and one.unusual)]
@@ -486,11 +487,10 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER, proven: bool = False) -> Judgement:
     """The decision from the models that were found; `together` as in `belief.believe`, `proven` as in `Judgement`."""
-    judgement = _with_usual_values(Judgement(base, found, believe(found, together), proven=proven), together)
+    judgement = _believed(base, found, together, proven)
     if len(judgement.belief.named) > 2 and not judgement.accepted:
         # Three effects that are not accepted say nothing about two.
-        fewer = {key: one for key, one in found.items() if len(key) < 3}
-        judgement = _with_usual_values(Judgement(base, fewer, believe(fewer, together), proven=proven), together)
+        judgement = _believed(base, {key: one for key, one in found.items() if len(key) < 3}, together, proven)
     if len(judgement.best.added) < len(judgement.belief.named):
         # The further effects of this set only reduce the analyser's error; without such sets another one may be the most probable.
         needed = _with_usual_values(judgement.of_needed, together)
@@ -508,6 +508,11 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
     # If a larger set is not accepted and its further effects add little, the effect that does most is named and the rest stays undescribed.
     smaller = judgement.of_singles or judgement.of_none or judgement.of_closest
     return smaller or _without_steps(base, found, together, proven) or judgement
+
+
+def _believed(base: Fit, found: Mapping[Key, Candidate], together: float, proven: bool) -> Judgement:
+    """The judgement by the probabilities of the models, and by their values where laws are alike."""
+    return _with_usual_values(Judgement(base, found, believe(found, together), proven=proven), together)
 
 
 def _without_steps(base: Fit, found: Mapping[Key, Candidate], together: float, proven: bool) -> Judgement | None:

@@ -29,7 +29,7 @@ __all__ = ["EmissionDiagnosis", "add_effect", "diagnose_emission", "fit_base", "
 # Smaller than for impedance, since there are six effects only, which are less similar. The swaps are for two effects that together look like a
 # third; with the second model that effects are added to (`board`) they take a quarter of the time. Odds of 20 to 1 after the prior are 150 to 1
 # (5 log units) of evidence.
-BUDGET = Budget(swapped=1, swaps=(1, 0))
+BUDGET = Budget(swapped=(1, 1), swaps=(1, 0))
 # A model with a robust chi2 above this does not explain the spectra; with the right effect it is 0.1 to 1.3.
 GOOD_CHI2 = 3.0
 # An effect that removes this share of the squared error, with this lead in log evidence, is named even if it does not explain everything.

@@ -109,7 +109,12 @@ class CausalModel:
     @property
     def describes_the_data(self) -> bool:
         """Whether a fixed linear circuit explains the sweep."""
-        return self.chi2_reduced < NOT_CAUSAL and not self.outliers_hz
+        return self.reaches_the_noise and not self.outliers_hz
+
+    @property
+    def reaches_the_noise(self) -> bool:
+        """Whether a fixed linear circuit explains the sweep, single points that stand out included."""
+        return self.chi2_reduced < NOT_CAUSAL
 
     @property
     def ended_at_most_poles(self) -> bool:
@@ -178,7 +183,7 @@ class CausalCheck:
         model = self.models[termination]
         reached = self.reached.get(termination)
         # Single points that do not raise the error above the noise are not what the closest circuit lacks.
-        small = reached is not None and (model.noise_multiple <= SMALL_REST * reached or model.chi2_reduced < NOT_CAUSAL)
+        small = reached is not None and (model.noise_multiple <= SMALL_REST * reached or model.reaches_the_noise)
         if model.describes_the_data or small:
             return False
         return model.only_outliers or ((reached is None or model.noise_multiple < reached) and not model.ended_at_most_poles)
@@ -192,8 +197,7 @@ class CausalCheck:
         return tuple(self._reason(termination, model) for termination, model in self.models.items() if not model.describes_the_data)
 
     def _reason(self, termination: str, model: CausalModel) -> str:
-        only_points = model.chi2_reduced < NOT_CAUSAL
-        return _trouble(model) if only_points or self._disproves(termination) else _nothing_shown(model, self.reached.get(termination))
+        return _trouble(model) if model.reaches_the_noise or self._disproves(termination) else _nothing_shown(model, self.reached.get(termination))
 
     def to_dict(self) -> JsonDict:
         """Plain data."""

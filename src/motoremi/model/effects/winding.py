@@ -54,7 +54,7 @@ def _film(element: str) -> Change:
     return change
 
 
-COPPER_SHARE = Parameter(
+_COPPER_SHARE = Parameter(
     "share", "", 1e-4, 1.0, "copper's share of Ra: at MHz most of Ra may be core losses; 1 is a coil without a core", special=1.0
 )
 
@@ -65,7 +65,7 @@ EFFECTS = (
         kin="winding-loss",
         title="skin effect in round wire",
         formula="Ra * (1 + share * (x * I0(x) / (2 * I1(x)) - 1)), x = radius_m * sqrt(s * mu0 * sigma_copper)",
-        parameters=(Parameter("radius_m", "m", 0.1e-3, 1.5e-3, "enamelled wire of 0.2 to 3 mm diameter"), COPPER_SHARE),
+        parameters=(Parameter("radius_m", "m", 0.1e-3, 1.5e-3, "enamelled wire of 0.2 to 3 mm diameter"), _COPPER_SHARE),
         limit="radius_m -> 0",
         limit_values={"radius_m": 1e-8, "share": 1.0},
         signature="R grows as sqrt(f), phase of the extra part +45 deg, the resonance of La and Ca is damped a little",
@@ -86,7 +86,7 @@ EFFECTS = (
         parameters=(
             Parameter("height_m", "m", 0.05e-3, 2e-3, "equivalent foil height of 0.06 to 2.3 mm wire"),
             Parameter("layers", "", 1.0, 60.0, "one layer to a full slot; more with thin wire in a deep slot", usual=(1.0, 20.0)),
-            COPPER_SHARE,
+            _COPPER_SHARE,
         ),
         limit="height_m -> 0",
         limit_values={"height_m": 1e-8, "layers": 2.0, "share": 1.0},
