@@ -204,15 +204,18 @@ def diagnose_emission_session(store: Store, from_base: bool = False, progress: P
     return result
 
 
-def add_source_effect(store: Store, name: str) -> tuple[EmissionFit, EmissionFit]:
-    """Add an effect of source or path to the emission's ladder; returns the model before and after."""
-    find_source_effect(name)
+def add_source_effects(store: Store, names: Sequence[str]) -> tuple[EmissionFit, EmissionFit]:
+    """Add effects of source or path to the emission's ladder, one step each; returns the model before and after all of them."""
     steps = emission_steps(store)
-    if name in steps[-1].effects:
-        raise BadInput(f"{name} is in the model already; drop it first or add another effect")
-    after = add_effect(steps[-1].problem, steps[-1], name)
-    save_emission_ladder(store, load(store.path), (*steps, after))
-    return steps[-1], after
+    before = last = steps[-1]
+    for name in names:
+        find_source_effect(name)
+        if name in last.effects:
+            raise BadInput(f"{name} is in the model already; drop it first or add another effect")
+        last = add_effect(last.problem, last, name)
+        steps.append(last)
+    save_emission_ladder(store, load(store.path), steps)
+    return before, last
 
 
 def drop_source_effect(store: Store) -> tuple[EmissionFit, EmissionFit]:
@@ -228,8 +231,8 @@ def emission_story(store: Store) -> JsonDict:
     """Fit the source, diagnose, add the named effects, predict: the results on the spectrum that `motoremi demo` prints."""
     base = emission_steps(store)[-1]
     found, last = diagnose_emission_session(store), base
-    for name in found.effects:
-        _, last = add_source_effect(store, name)
+    if found.effects:
+        _, last = add_source_effects(store, found.effects)
     prediction = predict_session(store)
     return {
         "verdict": found.verdict,

@@ -403,3 +403,21 @@ def test_ctrl_c_says_what_is_kept_only_where_something_is(tmp_path, monkeypatch,
     assert caught.value.code == 130
     kept = f"; what was measured is kept in {tmp_path / 's'}" if where == "in the session" else ""
     assert capsys.readouterr().err.splitlines()[-1] == f"motoremi: stopped{kept}"
+
+
+@pytest.mark.usefixtures("few_effects")
+def test_two_named_effects_are_shown_and_added_together(tmp_path, measure):
+    sweeps, _ = measure(2, ("insulation-leakage@Cf", "lead-inductance"))
+    files = [tmp_path / f"{number}.csv" for number in range(len(sweeps))]
+    for file, sweep in zip(files, sweeps, strict=True):
+        write_impedance_csv(file, sweep)
+    motoremi("import", tmp_path / "s", "--short", *files[:3], "--open", *files[3:], "--analyser", "4294a")
+    told = motoremi("diagnose", tmp_path / "s").stdout.splitlines()
+    together = next(line for line in told if line.startswith("  together: "))
+    command = next(line for line in told if line.startswith("next: motoremi add "))
+    names = command.removeprefix(f"next: motoremi add {tmp_path / 's'} ").split()
+    assert sorted(names) == ["insulation-leakage@Cf", "lead-inductance"]
+    assert all(name in together for name in names)
+    step = document(motoremi("add", tmp_path / "s", *names, "--json"))
+    left = step["after"]["rms_error_percent"]
+    assert f"error {left:.3g} %" in together

@@ -212,6 +212,11 @@ def test_commands_tell_the_story_of_a_spectrum(session, tmp_path):
     back = document(motoremi("drop", own, "--emission", "--json"))
     assert back["after"]["effects"] == []
     assert motoremi("drop", own, "--emission").returncode == 2
+    refused = motoremi("add", own, "arc-breakdown", "lisn-deviation", "arc-breakdown")
+    assert refused.returncode == 2
+    assert "already" in refused.stderr
+    both = document(motoremi("add", own, "arc-breakdown", "lisn-deviation", "--json"))
+    assert (both["before"]["effects"], both["after"]["effects"]) == ([], ["arc-breakdown", "lisn-deviation"])
     assert motoremi("verify", own).returncode == 0
 
 

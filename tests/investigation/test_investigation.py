@@ -226,6 +226,16 @@ def test_where_no_effect_describes_the_sweeps_no_other_condition_is_asked_for() 
     assert next_question(rivals_of({("core-loss",): (behind, 0.0)}, 0.9), behind.measurement).stop is None
 
 
+def test_what_was_measured_already_is_not_proposed_to_confirm_an_effect() -> None:
+    relaxing = fit(dc_motor(), sweeps(RELAXING)).add("dielectric-relaxation@Cf")
+    first = next_measurement(relaxing)
+    # The largest change is stated in percent of the impedance, as a user sees it on a plot.
+    assert "% near" in first["why"]
+    assert "repeats agree within 0.05 %" in first["why"]
+    second = next_measurement(relaxing, done={first["id"]})
+    assert second["id"] != first["id"]
+
+
 def test_one_sweep_alone_asks_for_the_other() -> None:
     only = fit(dc_motor(), sweeps({})[:1])
     question = next_question(rivals_of({(): (only, 0.0)}, 0.03), only.measurement)

@@ -24,7 +24,7 @@ from motoremi.workbench.desk import Desk
 from motoremi.workbench.events import Events
 from motoremi.workbench.jobs import Jobs
 from motoremi.workflow import drop_from_session, opened
-from motoremi.workflow_emission import add_source_effect, drop_source_effect, emission_steps, stored_emission_steps
+from motoremi.workflow_emission import add_source_effects, drop_source_effect, emission_steps, stored_emission_steps
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_effects", "few_source_effects")]
 
@@ -97,7 +97,7 @@ def test_adding_a_source_effect_is_what_the_command_does(at, copied):
     assert [frame["series"][at_]["values"] for frame, at_ in zip(frames, (1, 0), strict=True)] == drawn["panels"][0]
     assert at("/drop", of="emission")["after"]["effects"] == []
     with opened(copied) as store:
-        add_source_effect(store, "arc-breakdown")
+        add_source_effects(store, ["arc-breakdown"])
     by_command = stored_emission_steps(load(copied))
     assert by_command[-1]["parameters"] == pytest.approx(stored[-1]["parameters"], rel=1e-6)
     assert at("/story?of=emission")["in_model"] == ["arc-breakdown"]
@@ -159,7 +159,7 @@ def test_what_is_dropped_can_be_put_back(at, copied, of, effect):
 def test_a_ladder_of_the_spectra_that_moved_is_left_alone(at, copied):
     shown = at("/story?of=emission")["standing"]
     with opened(copied) as store:
-        add_source_effect(store, "lisn-deviation")
+        add_source_effects(store, ["lisn-deviation"])
     for path, body in (("/add", {"effect": "arc-breakdown"}), ("/drop", {}), ("/fit", {}), ("/diagnose", {})):
         told = at(path, of="emission", standing=shown, **body)
         assert "the current model is now source and motor alone + lisn-deviation" in told["error"], path

@@ -100,7 +100,7 @@ def diagnose_spectra(path: Path, from_base: bool, as_json: bool) -> None:
             f"    {name:20s} p {result.probabilities[name]:<9.3g} chi2 {candidate.fit.chi2_reduced:<8.3g} error {candidate.fit.rms_error_db:.2f} dB"
         )
     if result.effects:
-        say(f"next: motoremi add {path} {result.effects[0]}")
+        say(f"next: motoremi add {path} {' '.join(result.effects)}")
 
 
 def show_emission_step(before: EmissionFit, after: EmissionFit, as_json: bool) -> None:

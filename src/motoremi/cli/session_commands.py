@@ -402,14 +402,17 @@ def diagnose_(
     for span in result.where:
         low, high = span["band_hz"]
         say(f"  fails: {span['sweep']} {low:.4g} - {high:.4g} Hz, {100 * span['share']:.0f} % of the squared error")
-    say("  evidence (best first):")
+    say("  evidence of single effects (best first):")
     for candidate in result.candidates[:6]:
-        say(
-            f"    {candidate.effect:28s} p {result.probabilities[candidate.effect]:<9.3g} chi2 {candidate.fit.chi2_reduced:<9.4g} "
-            f"error {candidate.fit.rms_error_percent:.3g} %  undescribed {candidate.fit.unexplained_percent['value']:.2g} %  {candidate.describe()}"
-        )
+        say(f"    {candidate.effect:28s} p {result.probabilities[candidate.effect]:<9.3g} {_errors(candidate.fit)}  {candidate.describe()}")
+    if len(result.effects) > 1:
+        say(f"  together: {' + '.join(result.effects)}  {_errors(result.best)}")
     if result.effects:
-        say(f"next: motoremi add {path} {result.effects[0]}")
+        say(f"next: motoremi add {path} {' '.join(result.effects)}")
+
+
+def _errors(fit: Fit) -> str:
+    return f"chi2 {fit.chi2_reduced:<9.4g} error {fit.rms_error_percent:.3g} %  undescribed {fit.unexplained_percent['value']:.2g} %"
 
 
 def _say_findings(result: Diagnosis) -> None:
@@ -464,15 +467,15 @@ def add_(
     from motoremi.emission.source_effects import is_source_effect
     from motoremi.errors import BadInput
     from motoremi.workflow import add_several_to_session, add_to_session, opened
-    from motoremi.workflow_emission import add_source_effect
+    from motoremi.workflow_emission import add_source_effects
 
     of_spectra = [effect for effect in effects if is_source_effect(effect)]
-    if of_spectra and len(effects) > 1:
+    if of_spectra and len(of_spectra) < len(effects):
         raise BadInput(f"{of_spectra[0]} belongs to the spectra's model: add it alone")
     if of_spectra:
         with opened(path) as store:
-            steps = add_source_effect(store, effects[0])
-        show_emission_step(*steps, as_json)
+            spectra = add_source_effects(store, effects)
+        show_emission_step(*spectra, as_json)
         return
     with opened(path) as store, progress_bars(as_json) as bars:
         bar = bars.bar("adding")

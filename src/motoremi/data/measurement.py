@@ -122,6 +122,11 @@ class Measurement:
         """Terminations of the sweeps."""
         return tuple(sweep.termination for sweep in self.sweeps)
 
+    @property
+    def done(self) -> frozenset[str]:
+        """Measurements of the menu that these data contain: conditions and single values."""
+        return frozenset({one.condition.id for one in self.conditioned} | {one.name for one in self.values})
+
     def _rms_percent(self, variances: Iterable[FloatArray]) -> float:
         """Rms of relative errors whose real and imaginary parts each have these variances, in percent."""
         return float(100 * np.sqrt(np.mean(2 * np.concatenate(list(variances)))))

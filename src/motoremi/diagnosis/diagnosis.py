@@ -402,10 +402,10 @@ def _concluded(
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
         singles.sort(key=closeness)
-        following = next_measurement(base, question)
+        following = next_measurement(base, question, measurement.done)
     else:
         singles.sort(key=lambda one: (one.effect not in named, bool(one.unusual), -round(probabilities[one.effect], 6), -one.score))
-        following = next_measurement(best.fit if named else base, question)
+        following = next_measurement(best.fit if named else base, question, measurement.done)
     return Diagnosis(
         verdict=verdict,
         effects=tuple(named) if verdict not in ("unexplained", "data") else (),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+from typing import NamedTuple
+
 import numpy as np
 
 from motoremi.arrays import JsonDict
@@ -17,7 +20,19 @@ from motoremi.quantities import show, show_band
 CLEAR = 5.0
 
 
-def next_measurement(fit: Fit, question: Question | None = None) -> JsonDict:
+class Answer(NamedTuple):
+    """The largest change of a sweep under a condition: relative to the repeatability, in percent of the impedance, and where."""
+
+    ratio: float
+    change_percent: float
+    termination: str
+    frequency_hz: float
+
+
+NO_CHANGE = Answer(0.0, 0.0, "", 0.0)
+
+
+def next_measurement(fit: Fit, question: Question | None = None, done: Container[str] = ()) -> JsonDict:
     """The next measurement.
 
     Parameters
@@ -26,6 +41,8 @@ def next_measurement(fit: Fit, question: Question | None = None) -> JsonDict:
         The accepted model.
     question : Question, optional
         About the explanations that remain.
+    done : container of str
+        Measurements that were made already: they are not proposed to confirm an effect.
 
     Returns
     -------
@@ -42,7 +59,7 @@ def next_measurement(fit: Fit, question: Question | None = None) -> JsonDict:
     if question is not None and question.outside_stands:
         return {"id": "repeats", "why": question.why, "menu": _menu(question)}
     if fit.effects:
-        return _confirming(fit)
+        return _confirming(fit, done)
     undetermined = fit.undetermined()
     if "Ra" in undetermined:
         return {"id": "dc-resistance", "why": "these sweeps do not determine Ra: measure it at DC with four wires and hold it in the fit"}
@@ -85,38 +102,37 @@ def _share(groups: tuple[tuple[str, ...], ...]) -> float:
     return 1 - sum(len(group) * (len(group) - 1) / 2 for group in groups) / pairs if pairs else 0.0
 
 
-def _confirming(fit: Fit) -> JsonDict:
+def _confirming(fit: Fit, done: Container[str]) -> JsonDict:
     """The condition to which the effect that was added last responds most."""
     effect = find_effect(fit.effects[-1]).effect
     names = {*effect.responds, *(["second-temperature"] if effect.copper else [])}
-    predicted = [(option, _answer(option, fit)) for option in MENU if option.name in names and option.kind == "change"]
-    option, (ratio, place, frequency_hz) = max(predicted, key=lambda entry: entry[1][0], default=(None, (0.0, "", 0.0)))
-    if option is None or ratio < CLEAR:
+    predicted = [(option, _answer(option, fit)) for option in MENU if option.name in names and option.name not in done and option.kind == "change"]
+    option, answer = max(predicted, key=lambda entry: entry[1].ratio, default=(None, NO_CHANGE))
+    if option is None or answer.ratio < CLEAR:
         return {"id": f"confirm-{effect.name}", "why": f"to confirm {effect.name}: {effect.deciding}"}
     found: JsonDict = {
         "id": option.name,
-        "why": f"to confirm {effect.name}: {option.action}; the {place} sweep should change by {ratio:.0f} times its repeatability "
-        f"near {show(frequency_hz, 'Hz')}. Or: {effect.deciding}",
+        "why": f"to confirm {effect.name}: {option.action}; the {answer.termination} sweep should change by {answer.change_percent:.2g} % "
+        f"near {show(answer.frequency_hz, 'Hz')}, while repeats agree within {answer.change_percent / answer.ratio:.1g} %. Or: {effect.deciding}",
     }
     if option.procedure:
         found["procedure"] = f"{option.procedure}.toml"
     return found
 
 
-def _answer(option: Option, fit: Fit) -> tuple[float, str, float]:
-    """Largest change of the model's impedance under a condition, in units of the repeatability: ratio, sweep and frequency."""
+def _answer(option: Option, fit: Fit) -> Answer:
+    """Where the model's impedance changes most under a condition, relative to the repeatability."""
     sweeps = ahead(option, fit.measurement)
     if not sweeps:
-        return 0.0, "", 0.0
-    mean, start, best = (
-        Outcome(fit, sweeps, option=option).at(fit.unknowns, np.zeros(Outcome(fit, sweeps, option=option).size))[0],
-        0,
-        (0.0, "", 0.0),
-    )
+        return NO_CHANGE
+    outcome = Outcome(fit, sweeps, option=option)
+    mean, _, _ = outcome.at(fit.unknowns, np.zeros(outcome.size))
+    start, best = 0, NO_CHANGE
     for sweep in sweeps:
         count = sweep.frequency_hz.size
-        change = np.hypot(mean[start : start + count], mean[start + count : start + 2 * count]) / np.hypot(sweep.sigma, REPEATABILITY)
-        at = int(np.argmax(change))
-        best = max(best, (float(change[at]), sweep.termination, float(sweep.frequency_hz[at])))
+        change = np.hypot(mean[start : start + count], mean[start + count : start + 2 * count])
+        ratio = change / np.hypot(sweep.sigma, REPEATABILITY)
+        at = int(np.argmax(ratio))
+        best = max(best, Answer(float(ratio[at]), 100 * float(change[at]), sweep.termination, float(sweep.frequency_hz[at])))
         start += 2 * count
     return best

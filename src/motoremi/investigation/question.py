@@ -205,8 +205,7 @@ def next_question(
     Question
     """
     needed = _needed(measurement)
-    done = {one.condition.id for one in measurement.conditioned} | {one.name for one in measurement.values}
-    left_out = {*without, *done}
+    left_out = {*without, *measurement.done}
     possible = [option for option in MENU if option.name not in left_out and option.kind != "reference"]
     standing = _asked_about(rivals)
     labels = rivals.by_label
