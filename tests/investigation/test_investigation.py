@@ -22,7 +22,7 @@ from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
 from motoremi.investigation.menu import BY_NAME, MENU
 from motoremi.investigation.next_measurement import next_measurement
-from motoremi.investigation.outcome import Observed, Outcome
+from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.question import next_question
 from motoremi.investigation.responses import COPPER_PER_K, factors, responses
 from motoremi.investigation.rivals import OUTSIDE, Rivals, rivals_of, update
@@ -224,6 +224,16 @@ def test_where_no_effect_describes_the_sweeps_no_other_condition_is_asked_for() 
     behind = fit(dc_motor(), Measurement.of(sweeps({}), analyser="nanovna"))
     assert behind.measurement.analyser.fixture is not None
     assert next_question(rivals_of({("core-loss",): (behind, 0.0)}, 0.9), behind.measurement).stop is None
+
+
+def test_single_values_are_those_at_the_motor_without_its_cable() -> None:
+    cable = {"supply-cable": {"wave_ohm": 100.0, "delay_s": 1e-8, "skin_ohm": 0.1, "tan_delta": 0.01}}
+    found = fit(dc_motor(), sweeps(cable)).add("supply-cable")
+    assert found.parameters["supply-cable.delay_s"] == pytest.approx(1e-8, rel=0.01)
+    outcome = ValueOutcome(found, parse_value("capacitance-1khz=600pF+-1%"))
+    mean, _, _ = outcome.at(found.unknowns, np.zeros(1))
+    # The cable has 100 pF.
+    assert np.exp(mean[0]) == pytest.approx(ELEMENTS["Cr"] + ELEMENTS["Cf"], rel=0.01)
 
 
 def test_what_was_measured_already_is_not_proposed_to_confirm_an_effect() -> None:

@@ -34,8 +34,8 @@ OTHERWISE: Mapping[str, Mapping[str, float]] = {
     **{f"dielectric-relaxation@{place}": {"exponent": 1.0} for place in ("Ca", "Cr", "Cf")},
 }
 # What is hidden by other sizes than the catalogue's has tests elsewhere: conductors in test_simulate_ladders, a coupled mesh in
-# test_rational_starts; a motor that warms up changes all its capacitances, the catalogue's only Ca.
-OTHER_SIZES = ("skin-effect", "proximity-effect", "field-coupling", "temperature-drift")
+# test_rational_starts, a cable below; a motor that warms up changes all its capacitances, the catalogue's only Ca.
+OTHER_SIZES = ("skin-effect", "proximity-effect", "field-coupling", "temperature-drift", "supply-cable")
 
 
 def in_the_catalogue(motor: SimulatedMotor, termination: str) -> ComplexArray:
@@ -110,6 +110,23 @@ def test_the_network_of_each_pair_is_what_the_catalogue_says() -> None:
             simulated, catalogued = motor.impedance(termination, WIDE), in_the_catalogue(motor, termination)
             assert worst(simulated[shown], catalogued[shown]) < 2e-4, (pair, termination)
     assert compared > 350
+
+
+@pytest.mark.parametrize("termination", TERMINATIONS)
+def test_a_cable_of_cells_is_a_line(termination: str) -> None:
+    """Against the closed form, with the wire's own impedance; cells and branches of the loss angle in between."""
+    s = 2j * np.pi * WIDE
+    for seed in range(4):
+        motor = SimulatedMotor.random(seed, ("supply-cable",))
+        load = dataclasses.replace(motor, effects=()).impedance(termination, WIDE)
+        sizes = motor.effects[0].sizes
+        # At 1 MHz the skin effect of copper wire of 1 mm radius adds 7.566 times its resistance at DC.
+        wire = impedance(ladders.round_wire(sizes["skin_ohm"] / 7.566, 1e-3), "in", "out", WIDE)
+        loss = (s / (2j * np.pi * 1e6)) ** (-2 / np.pi * np.arctan(sizes["tan_delta"])) * np.exp(-1j * np.arctan(sizes["tan_delta"]))
+        series, shunt = s * sizes["inductance_h"] + wire, s * sizes["capacitance_f"] * loss
+        wave, angle = np.sqrt(series / shunt), np.sqrt(series * shunt)
+        expected = wave * (load + wave * np.tanh(angle)) / (wave + load * np.tanh(angle))
+        assert worst(motor.impedance(termination, WIDE), expected) < 2e-4, seed
 
 
 def test_every_effect_of_the_catalogue_can_be_hidden() -> None:

@@ -34,6 +34,7 @@ STRENGTH: Mapping[str, Mapping[str, float]] = {
     "lead-inductance": {"inductance_h": 1, "resistance_ohm": 1, "skin_ohm": 1},
     "ground-strap-inductance": {"inductance_h": 1, "resistance_ohm": 1, "skin_ohm": 1},
     "terminal-capacitance": {"capacitance_f": 1},
+    "supply-cable": {"inductance_h": 1, "capacitance_f": 1, "skin_ohm": 1},
     "rotor-cage": {"share": 1},
     "shorted-turn": {"share": 1},
     "machine-winding": {"slots_f": 1, "cage_share": 1, "iron_hz": -1},

@@ -23,6 +23,8 @@ _POINTS_PER_DECADE = 40
 _LARGEST_NUMBER_OF_SECTIONS = 512
 # Largest error because of the sections of a distributed winding: half of that of the whole netlist (0.05 dB, 0.5 degree).
 _SECTION_DB, _SECTION_DEG = 0.025, 0.25
+# Largest error of a cable's electrical length because of its sections, in radians: a tenth of that, since a resonance multiplies it.
+_CABLE_RAD = 4e-4
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,7 @@ class _Builder:
     """Converts circuit nodes to parts, for one set of values and one span."""
 
     def __init__(self, values: Mapping[str, float], span_hz: tuple[float, float]) -> None:
-        self.values = values
+        self.values, self.span_hz = values, span_hz
         low, high = span_hz[0] / _MARGIN, span_hz[1] * _MARGIN
         self.frequency_hz = np.geomspace(low, high, max(60, int(_POINTS_PER_DECADE * np.log10(high / low))))
         self.errors: dict[str, float] = {}
@@ -222,10 +224,12 @@ def realise(motor: Motor, values: Mapping[str, float], span_hz: tuple[float, flo
         )
     builder = _Builder(values, span_hz)
     strap = builder.part(motor.strap) if with_frame and motor.strap is not None else None
-    outside = tuple(
-        ("housing", builder.part(one.to_frame)) if strap is not None and one.to_frame is not None else _outside(builder, one.wrap(_PLACEHOLDER))
-        for one in reversed(motor.outside)
-    )
+    outside: tuple[tuple[str, Part], ...] = ()
+    for one in reversed(motor.outside):
+        if strap is not None and one.to_frame is not None:
+            outside += (("housing", builder.part(one.to_frame)),)
+        else:
+            outside += _outside(builder, one.wrap(_PLACEHOLDER))
     seen = _bare(motor).circuit("open" if with_frame else "short")
     if isinstance(seen, Sections):
         return _coupled(builder, outside, seen, strap)
@@ -291,13 +295,29 @@ def _line_of(seen: Node) -> tuple[Line | None, Node | None]:
     return (seen if isinstance(seen, Line) else None), None
 
 
-def _outside(builder: _Builder, wrapped: Node) -> tuple[str, Part]:
+def _outside(builder: _Builder, wrapped: Node) -> tuple[tuple[str, Part], ...]:
+    if isinstance(wrapped, Line) and wrapped.load == _PLACEHOLDER:
+        return _cable(builder, wrapped)
     if isinstance(wrapped, (Series, Parallel)):
         others = tuple(member for member in wrapped.members if _PLACEHOLDER not in walk(member))
         if len(others) == len(wrapped.members) - 1 and _PLACEHOLDER in wrapped.members:
             parts = tuple(builder.part(member) for member in others)
-            return ("series", InSeries(parts)) if isinstance(wrapped, Series) else ("shunt", InParallel(parts))
+            return (("series", InSeries(parts)) if isinstance(wrapped, Series) else ("shunt", InParallel(parts)),)
     raise BadInput("an effect wraps the motor in a way that has no equivalent of resistors, inductors and capacitors; drop it for this export")
+
+
+def _cable(builder: _Builder, line: Line) -> tuple[tuple[str, Part], ...]:
+    """A cable in sections, each with half of its capacitance at either end.
+
+    The electrical length of a section of theta radians is too large by theta^3 / 24.
+    """
+    series, shunt = builder.part(line.series), builder.part(line.shunt)
+    highest: ComplexArray = np.array([2j * np.pi * builder.span_hz[1]])
+    angle = float(np.sqrt(np.abs(series.impedance(highest) / shunt.impedance(highest)))[0])
+    count = min(int(np.ceil(np.sqrt(angle**3 / (24 * _CABLE_RAD)))) + 1, _LARGEST_NUMBER_OF_SECTIONS)
+    part, slot = ("series", series.scaled(1 / count)), ("shunt", shunt.scaled(count))
+    end = ("shunt", shunt.scaled(2 * count))
+    return (end, *(part, slot) * (count - 1), part, end)
 
 
 def _word(name: str) -> str:

@@ -485,6 +485,9 @@ class ValueOutcome:
         return float(np.log(max(admittance.real / max(admittance.imag, 1e-18), 1e-9)))
 
     def _impedance(self, termination: str, frequency_hz: float, values: dict[str, float]) -> complex:
+        """At the motor's terminals, without its cable."""
+        if CABLE in self.fit.effects:
+            values = {**values, **{f"{CABLE}.{name}": value for name, value in find_effect(CABLE).effect.limit_values.items()}}
         names = list(self.fit.motor.used_parameters(termination))
         s: ComplexArray = np.array([2j * np.pi * frequency_hz])
         with np.errstate(all="ignore"):
@@ -498,6 +501,7 @@ VALUE_DOUBT = {"dc-resistance": 0.015, "capacitance-1khz": 0.01, "tan-delta-1khz
 FINITE_DOUBT, LEAKAGE_DOUBT, HIGHEST_INSULATION_OHM = 0.15, 1.1, 10e9
 LEAD_H_PER_M, LEAD_DOUBT, USUAL_LEAD_M, NO_LEAD_DOUBT = 1e-6, 0.4, 0.1, 1.2
 DIRECT_CURRENT_HZ = 1e-4
+CABLE = "supply-cable"
 NUDGE = 1e-4
 
 

@@ -95,6 +95,18 @@ def conductor(s: ComplexArray, resistance: Any, inductance: Any, skin: Any) -> V
     return resistance + s * inductance + skin * rise, (_ONE, s, rise)
 
 
+def line_series(s: ComplexArray, wave: Any, delay: Any, skin: Any) -> ValueAndSlopes:
+    """Z = s Zc tau + Rs sqrt(2 s / w1), w1 = 2 pi 1 MHz: inductance and skin effect of the whole length of a line; Rs as of `conductor`."""
+    rise = np.sqrt(s) * (2 / (TWO_PI * 1e6)) ** 0.5
+    return s * wave * delay + skin * rise, (s * delay, s * wave, rise)
+
+
+def line_shunt(s: ComplexArray, wave: Any, delay: Any) -> ValueAndSlopes:
+    """Z = Zc / (s tau): the capacitance of the whole length of a line."""
+    inverse = 1 / (s * delay)
+    return wave * inverse, (inverse, -wave * inverse / delay)
+
+
 def positive_part(s: ComplexArray, resistance: Any) -> ValueAndSlopes:
     """Z = R if R > 0, else 0."""
     on = (resistance > 0) + 0j

@@ -51,7 +51,8 @@ class Outwards(IntEnum):
     CHOKE = 2
     LEADS = 3
     TERMINALS = 4
-    ANALYSER = 5
+    CABLE = 5
+    ANALYSER = 6
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Hidden effects of leads, terminals, frame strap, bearing and temperature."""
+"""Hidden effects of leads, cable, terminals, frame strap, bearing and temperature."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import numpy as np
 
 from motoremi.simulate import ladders
 from motoremi.simulate.hidden import EffectKind, Elements, Sizes, behind, log_uniform, uniform
-from motoremi.simulate.parts import IN, OUT, Network
+from motoremi.simulate.parts import IN, OUT, Block, Network
 
 # Leads and straps are round wire of this radius; at 1 MHz the skin effect adds its DC resistance times radius over twice the penetration depth.
 _WIRE_RADIUS_M = 1e-3
 _SKIN_AT_1MHZ = _WIRE_RADIUS_M / 2 * np.sqrt(np.pi * 1e6 * ladders.MU_0 * ladders.COPPER_S_PER_M)
+# Cells of a cable: at 30 MHz the electrical length of one of 4 m is then too large by 2e-5 of itself.
+_CABLE_CELLS = 256
 
 
 def _draw_bearing(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
@@ -68,6 +70,25 @@ def _apply_terminal(network: Network, elements: Elements, sizes: Sizes) -> Netwo
     return network.block("Ct", "X", "G", ladders.lossy_capacitor(sizes["capacitance_f"], sizes.get("tan_delta", 0.0)))
 
 
+def _draw_cable(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    # Supply cables with plastic insulation: waves have half to two thirds of the speed of light; the wire's skin effect as of leads.
+    length_m, wave_ohm, speed = log_uniform(rng, 0.5, 4.0), uniform(rng, 60.0, 150.0), uniform(rng, 1.6e8, 2.1e8)
+    return {
+        "inductance_h": wave_ohm * length_m / speed,
+        "capacitance_f": length_m / speed / wave_ohm,
+        "skin_ohm": length_m * log_uniform(rng, 0.05, 0.25),
+        "tan_delta": log_uniform(rng, 1e-3, 0.05),
+    }
+
+
+def _apply_cable(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    wire = ladders.round_wire(sizes["skin_ohm"] / _SKIN_AT_1MHZ, _WIRE_RADIUS_M)
+    conductor = Network().inductor("l", IN, "end", sizes["inductance_h"]).block("wire", "end", OUT, wire)
+    insulation = Block("insulation", "X", "G", ladders.lossy_capacitor(sizes["capacitance_f"], sizes["tan_delta"]))
+    cells = ladders.winding_line(conductor, insulation, "X", "terminal", _CABLE_CELLS, "cable ")
+    return network.with_node("X", "terminal").plus(*cells)
+
+
 def _draw_drift(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
     # Copper of half of the motors warms by 1 to 5 K, 0.39 % each.
     return {"capacitance_rise": uniform(rng, 0.01, 0.03), "resistance_rise": float(rng.integers(2)) * uniform(rng, 4e-3, 2e-2)}
@@ -86,6 +107,7 @@ CONNECTION_EFFECTS = (
     EffectKind("ground-strap-inductance", _draw_strap, _apply_strap),
     EffectKind("lead-inductance", _draw_lead, _apply_lead),
     EffectKind("terminal-capacitance", _draw_terminal, _apply_terminal),
+    EffectKind("supply-cable", _draw_cable, _apply_cable),
 )
 # The short-circuit sweep is measured first; until the open-circuit sweep the motor has warmed up.
 DRIFT_EFFECTS = (EffectKind("temperature-drift", _draw_drift, _apply_drift, terminations=("open",)),)

@@ -211,8 +211,8 @@ def resistive_line(ohm: float, farad: float, refine: int = 1) -> Network:
     return Network(tuple(parts))
 
 
-def winding_line(winding: Network, slots: Part | Block, start: str, end: str, cells: int) -> tuple[Block | Part, ...]:
-    """A winding divided into cells, with its impedance to the frame distributed along it; the end nodes have half a share.
+def winding_line(winding: Network, slots: Part | Block, start: str, end: str, cells: int, prefix: str = "") -> tuple[Block | Part, ...]:
+    """A winding or cable divided into cells, with its impedance to the frame distributed along it; the end nodes have half a share.
 
     Parameters
     ----------
@@ -223,12 +223,14 @@ def winding_line(winding: Network, slots: Part | Block, start: str, end: str, ce
     start, end : str
         Nodes of the outer network.
     cells : int
+    prefix : str
+        Of the names of parts and nodes, if the network has another line.
     """
-    nodes = [start, *(f"turn{number}" for number in range(1, cells)), end]
-    items: list[Block | Part] = [Block(f"cell{number}", *ends, winding, 1 / cells) for number, ends in enumerate(pairwise(nodes))]
+    nodes = [start, *(f"{prefix}turn{number}" for number in range(1, cells)), end]
+    items: list[Block | Part] = [Block(f"{prefix}cell{number}", *ends, winding, 1 / cells) for number, ends in enumerate(pairwise(nodes))]
     for number, node in enumerate(nodes):
         whole = slots.scaled(cells * (2.0 if node in (start, end) else 1.0))
-        items.append(dataclasses.replace(whole, name=f"slot{number}", positive=node))
+        items.append(dataclasses.replace(whole, name=f"{prefix}slot{number}", positive=node))
     return tuple(items)
 
 

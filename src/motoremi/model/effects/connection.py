@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Mapping
 
 from motoremi.model import laws, materials
-from motoremi.model.circuit import Leaf, Parallel, Scaled, Series
-from motoremi.model.effects import rational_starts
+from motoremi.model.circuit import Leaf, Line, Parallel, Scaled, Series
+from motoremi.model.effects import cable_starts, rational_starts
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.start import Subtract
 from motoremi.model.motor import Motor, Outwards
@@ -27,6 +27,13 @@ def _terminal(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> 
     capacitor = Leaf("terminal", laws.capacitor, (parameters["capacitance_f"],))
     terminal = Scaled(capacitor, materials.constant_phase_factor, (parameters["tan_delta"],))
     return motor.attached(lambda node: Parallel((node, terminal)), place=Outwards.TERMINALS)
+
+
+def _cable(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    wave, delay = parameters["wave_ohm"], parameters["delay_s"]
+    series = Leaf("cable", laws.line_series, (wave, delay, parameters["skin_ohm"]))
+    shunt = Scaled(Leaf("cable", laws.line_shunt, (wave, delay)), materials.constant_phase_factor, (parameters["tan_delta"],))
+    return motor.attached(lambda node: Line(series, shunt, node), place=Outwards.CABLE)
 
 
 def _strap(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
@@ -84,6 +91,33 @@ EFFECTS = (
         change=_terminal,
         starts=tuple({"capacitance_f": c, "tan_delta": 0.002, Subtract("Ca"): c} for c in (2e-12, 1e-11, 3e-11)),
         responds={"terminal-block": {"capacitance_f": 0.0}, "brushes-lifted": {"capacitance_f": 0.0}},
+    ),
+    Effect(
+        name="supply-cable",
+        group="connection",
+        title="the motor's cable as a line",
+        formula="Zc * (Z + Zc * tanh(g)) / (Zc + Z * tanh(g)), Zc = sqrt(a / y), g = sqrt(a * y), "
+        "a = s * wave_ohm * delay_s + skin_ohm * sqrt(2 * s / (2 * pi * 1e6)), "
+        "y = s * delay_s / wave_ohm / (s / (2 * pi * 1e6))**(2 * atan(tan_delta) / pi)",
+        parameters=(
+            Parameter("wave_ohm", "Ohm", 25.0, 400.0, "50 - 75 Ohm coaxial, 80 - 150 Ohm supply cables, 300 Ohm wires apart", usual=(40.0, 200.0)),
+            Parameter("delay_s", "s", 2e-9, 2e-7, "5 ns a metre: 0.4 m, of which less is a lead, to 40 m", usual=(2e-9, 5e-8)),
+            Parameter("skin_ohm", "Ohm", 1e-3, 30.0, "at 1 MHz 0.04 - 0.3 Ohm a metre; 1e-3 is none", special=1e-3, usual=(1e-3, 3.0)),
+            Parameter("tan_delta", "", 1e-4, 0.1, "0.0005 PTFE and polyethylene, up to 0.1 PVC; 1e-4 is none", special=1e-4),
+        ),
+        limit="delay_s, skin_ohm -> 0",
+        limit_values={"wave_ohm": 100.0, "delay_s": 1e-20, "skin_ohm": 0.0, "tan_delta": 1e-4},
+        signature="leads and capacitance at low f; then the resonances of a quarter wave and its multiples, the same in both sweeps",
+        look_alikes=("lead-inductance", "terminal-capacitance", "cable-delay", "distributed-winding"),
+        deciding="measure without the cable, or the cable alone with its far end open and shorted",
+        source="line with losses (textbook); capacitance and inductance of supply cables are estimates from catalogues (unconfirmed)",
+        change=_cable,
+        starts=tuple(
+            {"wave_ohm": ohm, "delay_s": delay, **cable_starts.REST, Subtract("Ca"): delay / ohm, Subtract("Cf"): delay / ohm}
+            for ohm in (60.0, 150.0)
+            for delay in (4e-9, 1.5e-8)
+        ),
+        reader=cable_starts.winding_behind_cable,
     ),
     Effect(
         name="ground-strap-inductance",

@@ -1,0 +1,77 @@
+"""Start values of a motor's cable: the line of a scan that, taken away, leaves the impedance of a winding."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.model.effects.seen import Seen, winding_of
+from motoremi.model.effects.start import Set
+from motoremi.model.path_to_frame import frames
+from motoremi.model.rational import Rational, rational_fit
+
+# Minor parameters: a metre of thin wire in a good insulation.
+REST = {"skin_ohm": 0.1, "tan_delta": 0.01}
+# The scan: wave impedances and delays; points of the short-circuit and of the open-circuit sweep; number of lines that are tried.
+WAVES_OHM, DELAYS_S = (50.0, 75.0, 110.0, 170.0), np.geomspace(2.5e-9, 8e-8, 16)
+POINTS, FRAME_POINTS, TRIED = 60, 80, 3
+# Damping of the lines of the scan, relative to s: a line without any has an infinite impedance at its resonances.
+DAMPING = 0.005
+
+
+def winding_behind_cable(seen: Seen) -> list[dict[Any, float]]:
+    """Line, winding and frame: for each line of the scan, a rational fit of what it leaves of the short-circuit sweep."""
+    if seen.frequency_hz is None or seen.short_ohm is None:
+        return []
+    step = max(1, seen.frequency_hz.size // POINTS)
+    frequency, measured = seen.frequency_hz[::step], seen.short_ohm[::step]
+    found = []
+    for wave in WAVES_OHM:
+        for delay in DELAYS_S:
+            alone = _without(frequency, measured, wave, delay)
+            winding = rational_fit(frequency, alone, 1 / np.abs(alone), (1, 2))
+            error = np.log(_behind(frequency, _value(winding, frequency), wave, delay) / measured)
+            found.append((float(np.sum(np.abs(error) ** 2)), wave, float(delay), winding))
+    starts = []
+    best = sorted((one for one in found if np.isfinite(one[0])), key=lambda one: one[0])[:TRIED]
+    for _, wave, delay, winding in best:
+        elements = winding_of(winding.numerator[0], winding.numerator[1], winding.denominator[2], winding.middle)
+        if min(elements.values()) <= 0:
+            continue
+        start = {**{Set(name): value for name, value in elements.items()}, "wave_ohm": wave, "delay_s": delay, **REST}
+        starts += [{**start, **frame} for frame in _frames(seen, winding, wave, delay)]
+    return starts
+
+
+def _frames(seen: Seen, winding: Rational, wave: float, delay: float) -> list[dict[Any, float]]:
+    """The path to the frame from the open-circuit sweep without line and winding."""
+    if seen.frame_hz is None or seen.open_ohm is None:
+        return [{}]
+    step = max(1, seen.frame_hz.size // FRAME_POINTS)
+    frequency = seen.frame_hz[::step]
+    alone, through = _without(frequency, seen.open_ohm[::step], wave, delay), _value(winding, frequency)
+    found = frames(frequency, alone - through, np.hypot(np.abs(alone), np.abs(through)))
+    return [{Set(name): value for name, value in one.items()} for one in found[:1]]
+
+
+def _tangent(frequency_hz: FloatArray, delay: float) -> ComplexArray:
+    return np.asarray(np.tanh((DAMPING + 1j) * 2 * np.pi * frequency_hz * delay), dtype=np.complex128)
+
+
+def _without(frequency_hz: FloatArray, impedance: ComplexArray, wave: float, delay: float) -> ComplexArray:
+    """The impedance at the far end of a line."""
+    tangent = _tangent(frequency_hz, delay)
+    return wave * (impedance - wave * tangent) / (wave - impedance * tangent)
+
+
+def _behind(frequency_hz: FloatArray, impedance: ComplexArray, wave: float, delay: float) -> ComplexArray:
+    """The impedance at the near end of a line."""
+    tangent = _tangent(frequency_hz, delay)
+    return wave * (impedance + wave * tangent) / (wave + impedance * tangent)
+
+
+def _value(rational: Rational, frequency_hz: FloatArray) -> ComplexArray:
+    p = 2j * np.pi * frequency_hz / rational.middle
+    return np.asarray(np.polyval(rational.numerator[::-1], p) / np.polyval(rational.denominator[::-1], p), dtype=np.complex128)
