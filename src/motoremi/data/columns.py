@@ -148,6 +148,8 @@ def _title(title: str) -> _Title | None:
 def find_columns(table: Table) -> dict[str, Column]:
     """The columns whose meaning and unit are known.
 
+    Of columns with the same meaning and cells under different titles, such as two traces of one sweep, the first is used.
+
     Raises
     ------
     BadInput
@@ -161,10 +163,17 @@ def find_columns(table: Table) -> dict[str, Column]:
             continue
         meaning, factor = interpreted
         if meaning in found:
+            if _is_copy(table, found[meaning], Column(index, factor)):
+                continue
             first = clean_text(table.columns[found[meaning].index], 40)
             raise BadInput(f"{table.name}: the columns {first!r} and {clean_text(title, 40)!r} both hold the {meaning}; keep one")
         found[meaning] = Column(index, factor)
     return found
+
+
+def _is_copy(table: Table, first: Column, second: Column) -> bool:
+    titles_differ = table.columns[first.index].strip() != table.columns[second.index].strip()
+    return titles_differ and first.factor == second.factor and all(cells[first.index] == cells[second.index] for cells in table.rows)
 
 
 def meanings_of(title: str) -> tuple[str, ...]:
