@@ -18,9 +18,10 @@ from motoremi.data.session import Session, load, reopen
 from motoremi.data.storage import write_whole
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.ladder_step import further, ladder_step
+from motoremi.diagnosis.machine_modes import added_with_modes
 from motoremi.diagnosis.whole_machine import added_together
 from motoremi.errors import BadInput
-from motoremi.fitting.fit import checked_held, fit
+from motoremi.fitting.fit import MODES, checked_held, fit
 from motoremi.fitting.result import Fit, restore, same_error_model
 from motoremi.inspection.compare import Comparison, Tolerance, compare
 from motoremi.inspection.effect_signature import Signature, signature
@@ -202,7 +203,10 @@ def add_to_session(store: Store, effect: str, progress: Progress | None = None) 
 
 
 def add_several_to_session(store: Store, effects: Sequence[str], progress: Progress | None = None) -> tuple[Fit, Fit]:
-    """Add several effects to the current model, fitted at once; returns the model before and after. The ladder gets a step for each."""
+    """Add several effects to the current model, fitted at once; returns the model before and after. The ladder gets a step for each.
+
+    If modes of the winding are among them, as many are added beside the others as lower the error by more than chance would explain.
+    """
     if len(set(effects)) < len(effects):
         raise BadInput("an effect is named twice: add it once more afterwards")
     add_effects(dc_motor(), list(effects))  # a wrong name is reported before anything is fitted
@@ -210,8 +214,9 @@ def add_several_to_session(store: Store, effects: Sequence[str], progress: Progr
     add_effects(steps[-1].motor, list(effects))
     if progress is not None:
         progress(" + ".join(effects), 1, 2)
+    together = tuple(effect for effect in effects if effect != MODES)
     with own_processes() as each:
-        ladder = [*steps, *added_together(steps[-1], tuple(effects), each)]
+        ladder = [*steps, *(added_with_modes if MODES in effects else added_together)(steps[-1], together, each)]
     save_ladder(store, ladder, kept=len(steps))
     return steps[-1], ladder[-1]
 

@@ -391,6 +391,18 @@ def test_titles_that_begin_with_trace(tmp_path: Path, head: str) -> None:
     assert sweep.metadata["read_as"] == "|Z| and phase"
 
 
+def test_two_traces_of_one_sweep_are_one(tmp_path: Path) -> None:
+    """As an analyser saves them that shows magnitude in one trace and phase in the other, each with real and imaginary part."""
+    parts = "Trace {0}: Impedance: Real (Ω);Trace {0}: Impedance: Imaginary (Ω)"
+    head = f"Frequency (Hz);{parts.format(1)};Trace 1: Impedance: Magnitude (Ω);{parts.format(2)};Trace 2: Impedance: Phase (°)\n"
+    columns = [FREQUENCY, OPEN.real, OPEN.imag, np.abs(OPEN), OPEN.real, OPEN.imag, np.angle(OPEN, deg=True)]
+    sweep = read_impedance(write(tmp_path, head + rows(*columns, delimiter=";")), "open")
+    np.testing.assert_allclose(sweep.impedance_ohm, OPEN, rtol=1e-9)
+    columns[4] = columns[4] * 1.001
+    with pytest.raises(BadInput, match="both hold the resistance"):
+        read_impedance(write(tmp_path, head + rows(*columns, delimiter=";")), "open")
+
+
 def complex_table(titles: str, spelling: str, *columns: np.ndarray) -> str:
     cells = [[spelling.format(value.real, value.imag) for value in row] for row in zip(*columns, strict=True)]
     return titles + "\n" + "".join(", ".join([repr(float(f)), *row]) + "\n" for f, row in zip(FREQUENCY, cells, strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE
-from motoremi.diagnosis.candidates import Candidate, own_labels, possible_effects
+from motoremi.diagnosis.candidates import Candidate, possible_effects
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key, best_of
 from motoremi.diagnosis.findings import (
@@ -31,11 +32,13 @@ from motoremi.diagnosis.findings import (
 )
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
 from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, judge, of_the_analyser_alone
+from motoremi.diagnosis.machine_modes import machine_in_words, machine_with_modes
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.diagnosis.whole_machine import whole_machine
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
+from motoremi.fitting.fit import MODES
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Task, arrived_on_all
@@ -66,6 +69,8 @@ ABOUT_THE_DATA = frozenset({"sweeps-disagree", "interference", "drift", "correla
 LOOKS = 3
 # Sets of effects that are listed.
 LISTED = 12
+# Resonances of a winding that are missing cost more than this.
+SEVERAL_PERCENT = 5.0
 # Progress, as shares of the longest diagnosis, at the end of the search, of the second one without outliers, and of those under other analysers.
 SEARCH, AGAIN, TOGETHER = 0.5, 0.6, 0.75
 
@@ -313,14 +318,19 @@ def _cleaned(fit: Fit, first: Judgement, progress: Progress | None, each: Map) -
 
 
 def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map) -> Declared:
-    """With the ordinary parts of a machine together, if nothing is accepted and they come much closer.
+    """With the ordinary parts of a machine together, if nothing is accepted and they come much closer, else with modes of its winding beside them.
 
     They are not tried if less than a per cent is left: the laws of machines are not known more accurately than that.
     """
     judgement = declared.judgement
-    much = not judgement.accepted and judgement.closest_found.fit.unexplained_percent["value"] > 100 * PLAIN
-    whole = whole_machine(judgement.base, each, progress) if much else None
-    if whole is None or whole.fit.rms_error_percent > HALF * judgement.closest_found.fit.rms_error_percent:
+    left_percent = 0.0 if judgement.accepted else judgement.closest_found.fit.unexplained_percent["value"]
+    if left_percent <= 100 * PLAIN:
+        return declared
+    most = HALF * judgement.closest_found.fit.rms_error_percent
+    whole = whole_machine(judgement.base, each, progress)
+    if left_percent > SEVERAL_PERCENT and (whole is None or whole.fit.rms_error_percent > SEVERAL_PERCENT):
+        whole = machine_with_modes(judgement.base, whole, each) or whole
+    if whole is None or whole.fit.rms_error_percent > most:
         return declared
     return dataclasses.replace(declared, judgement=dataclasses.replace(judgement, whole=whole))
 
@@ -508,8 +518,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             ]
         return [
             f"{missing} and none of {tried} effects explains it, nor do two of them, nor a third beside the best two",
-            *_whole_machine_in_words(judgement.whole),
-            f"closest: {' + '.join(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
+            *(() if judgement.whole is None else machine_in_words(judgement.whole)),
+            f"closest: {_counted(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
             f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",
             *_modes_hint(closest),
         ]
@@ -572,22 +582,15 @@ def _short_strap_h(judgement: Judgement) -> float | None:
     return henry if henry <= SHORT_STRAP_H else None
 
 
-def _whole_machine_in_words(whole: Candidate | None) -> list[str]:
-    """The parts of a machine that were fitted together, with the values that the data determine, and the command that adds them."""
-    if whole is None:
-        return []
-    own = own_labels(whole.fit.effects, whole.added)
-    names = [p for p in whole.fit.motor.parameters if p.name.rpartition(".")[0] in own and whole.fit.determined(p.name)]
-    values = ", ".join(f"{p.name} = {show(whole.fit.parameters[p.name], p.unit)}" for p in names)
-    return [
-        f"several parts of the machine show at once; fitted together: {values}",
-        f"add them to the model: motoremi add SESSION {' '.join(whole.added)}",
-    ]
+def _counted(effects: Sequence[str]) -> str:
+    """Effects with the number of those that were added several times."""
+    counts = Counter(effects)
+    return " + ".join(name if number == 1 else f"{number} {name}" for name, number in counts.items())
 
 
 def _modes_hint(closest: Candidate) -> list[str]:
     """If resonances are missing: the effect that describes them without a cause."""
-    if not any("inductance-resonance" in find_effect(name).effect.seen_as for name in closest.added):
+    if MODES in closest.added or not any("inductance-resonance" in find_effect(name).effect.seen_as for name in closest.added):
         return []
     return ["resonances are missing; as seen from the terminals they can be described without a cause: motoremi add SESSION winding-modes"]
 

@@ -11,6 +11,7 @@ from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.candidates import prior_of_values
 from motoremi.fitting.fit import refit_without
 from motoremi.fitting.result import Fit
+from motoremi.fitting.search import misses_by_far
 from motoremi.inspection.compare import compare
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
@@ -158,7 +159,8 @@ def further(fit: Fit, effect: str, progress: Progress | None = None) -> Iterator
 
 
 def _worth_more(fit: Fit, before: Fit) -> bool:
-    values = _independent(before)
+    # Where resonances are missing, errors are alike over wide spans, which says nothing of how many values the larger model was compared with.
+    values = _independent(fit)
     gained = 2 * values * np.log(before.rms_error_percent / fit.rms_error_percent)
     return bool(gained > (len(fit.parameters) - len(before.parameters)) * np.log(values))
 
@@ -177,6 +179,8 @@ def _independent(fit: Fit) -> float:
 def _supported(effect: str, before: Fit | None, fit: Fit) -> bool:
     below = before is not None and before.effects == fit.effects[:-1] and effect == fit.effects[-1]
     without = before if below and before is not None else refit_without(fit, effect, thorough=False)
+    if misses_by_far(fit.sizes):
+        return _worth_more(fit, without)
     return _weight(fit) - _weight(without) >= LEAST_GAIN
 
 

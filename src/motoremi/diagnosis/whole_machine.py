@@ -7,7 +7,7 @@ part of the others. So they are fitted together, from many start values, and tho
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -111,15 +111,33 @@ def _with_likeliest_losses(base: Fit, trail: Trail, possible: Container[str], ea
 
 
 def added_together(base: Fit, names: Effects, each: Map = map) -> list[Fit]:
-    """Several effects added to a fit at once, as steps of one effect each: at every step the one without which the rest does best comes last.
+    """Several effects added to a fit at once, as `steps_to` them.
 
     Raises
     ------
     BadInput
         If an effect is unknown, cannot be added, or is given twice.
     """
-    reached = race({names: _scattered(base, names)}, WHOLE, each=each).reached[names]
-    trail = _near(base, names, reached.starts[0])
+    *fewer, last = steps_to(base, nearest(base, names, each)[0], each)
+    return [*falling(base, fewer), last]
+
+
+def falling(base: Fit, steps: Sequence[Fit]) -> list[Fit]:
+    """The same steps; one that errs more than the step before, since the values of all effects together do not suit fewer, is fitted anew."""
+    done = [base]
+    for step in steps:
+        done.append(step if step.rms_error_percent <= done[-1].rms_error_percent else done[-1].add(step.effects[-1]))
+    return done[1:]
+
+
+def nearest(base: Fit, names: Effects, each: Map = map) -> list[Trail]:
+    """Where several effects together may be fitted best, the best first; their order makes no difference."""
+    names = tuple(sorted(names))
+    return [_near(base, names, start) for start in race({names: _scattered(base, names)}, WHOLE, each=each).reached[names].starts]
+
+
+def steps_to(base: Fit, trail: Trail, each: Map = map) -> list[Fit]:
+    """The model with all effects of a trail, as steps of one effect each: at every step the one without which the rest does best comes last."""
     path = [(trail, raced_alone(trail))]
     while len(_names(base, path[-1][0])) > 1:
         path.append(_without_one(base, *path[-1], each))

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, Progress
+from motoremi.arrays import ComplexArray, FloatArray, Progress
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
@@ -53,6 +53,8 @@ from motoremi.workers import Map
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
+# The effect that describes a resonance of the winding without a cause, and a capacitance of it that changes nothing.
+MODES, NEXT_TO_NOTHING_F = "winding-modes", 1e-18
 # Number of points that are needed to determine one resonance.
 POINTS_EACH = 3
 # Steps that are made to compare several numbers of parts, and from how many of the best starts.
@@ -344,18 +346,15 @@ def _chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name:
 
 def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Problem, list[dict[str, float]]]:
     """The least relative error with one more mode, and where it may start."""
-    added = find_effect("winding-modes")
+    added = find_effect(MODES)
     label, seen_now = added.label_in(task.motor), _seen_by(before)
     assert added.effect.reader is not None
     starts: list[dict[str, float]] = []
     if seen_now.frequency_hz is not None:
-        names = [p.name for p in task.motor.parameters]
-        at = np.array([values.get(p.name, p.middle) for p in task.motor.parameters])
-        s: ComplexArray = np.asarray(2j * np.pi * seen_now.frequency_hz, dtype=np.complex128)
-        model = Tape(task.motor.circuit("short"), names).impedance(s, at)
-        starts = [
-            with_start(values, start, label) for start in added.effect.reader(dataclasses.replace(seen_now, model_ohm=model, parameters=values))
-        ]
+        everything = {**{p.name: p.middle for p in task.motor.parameters}, **values}
+        model, across = seen_across(task.motor, everything, seen_now.frequency_hz)
+        seen_so = dataclasses.replace(seen_now, model_ohm=model, across_ohm=across, parameters=values)
+        starts = [with_start(values, start, label) for start in added.effect.reader(seen_so)]
     motor = added.added_to(task.motor)
     return dataclasses.replace(task, motor=motor).relative(), starts or [dict(values)]
 
@@ -364,8 +363,26 @@ def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Pr
 def _seen_by(fit: Fit, place: str = "") -> Seen:
     """The sweeps beside what a fit makes of them, for an effect at a place."""
     sweeps = seen(fit.measurement.coarse)
-    model = None if sweeps.frequency_hz is None else fit.model_ohm("short", sweeps.frequency_hz)
-    return dataclasses.replace(sweeps, model_ohm=model, parameters=fit.parameters, place=place)
+    model, across = (None, None) if sweeps.frequency_hz is None else seen_across(fit.motor, fit.parameters, sweeps.frequency_hz)
+    return dataclasses.replace(sweeps, model_ohm=model, across_ohm=across, parameters=fit.parameters, place=place)
+
+
+def seen_across(motor: Motor, values: Mapping[str, float], frequency_hz: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """The impedance in the short-circuit sweep, and its relative decrease for each siemens across the winding, in ohm.
+
+    The decrease is that by a mode of next to no capacitance, divided by the mode's admittance.
+    """
+    added = find_effect(MODES)
+    label, with_mode = added.label_in(motor), added.added_to(motor)
+    own = {f"{label}.{name}": value for name, value in {**added.effect.limit_values, "capacitance_f": NEXT_TO_NOTHING_F}.items()}
+    everything = {**own, **values}
+    names = list(with_mode.used_parameters("short"))
+    s: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
+    impedance, gradient = Tape(with_mode.circuit("short"), names).gradient(s, np.array([everything[name] for name in names]))
+    quality = everything[f"{MODES}.quality"]
+    x = s / (2 * np.pi * everything[f"{label}.resonance_hz"])
+    across = -gradient[names.index(f"{label}.capacitance_f")] / impedance * (1 + x / quality + x**2) / s
+    return impedance, np.asarray(across, dtype=np.complex128)
 
 
 @lru_cache(maxsize=4)

@@ -225,17 +225,17 @@ def _last(polynomial: np.ndarray, count: int) -> np.ndarray:
 
 
 def winding_modes(seen: Seen) -> list[dict[Any, float]]:
-    """One more series branch across the terminals at the resonances where it reduces the relative error most, the best first."""
-    if seen.frequency_hz is None or seen.short_ohm is None or seen.model_ohm is None:
+    """One more series branch across the winding at the resonances where it reduces the relative error most, the best first."""
+    if seen.frequency_hz is None or seen.short_ohm is None or seen.model_ohm is None or seen.across_ohm is None:
         return []
-    # To first order, an admittance Y in parallel with the model changes its impedance Z by the factor 1 - Z Y.
+    # To first order in the admittance of the branch.
     s, left = 2j * np.pi * seen.frequency_hz, 1 - seen.model_ohm / seen.short_ohm
     resonances = np.geomspace(seen.frequency_hz[0], MODES_BEYOND * seen.frequency_hz[-1], MODES_EXAMINED)
     x = s / (2 * np.pi * resonances[:, None])
     found: list[tuple[float, dict[str, float]]] = []
     known = seen.parameters.get("winding-modes.quality")
     for quality in (known,) if known else MODE_QUALITIES:
-        branch = -seen.model_ohm * s / (1 + x / quality + x**2)
+        branch = -seen.across_ohm * s / (1 + x / quality + x**2)
         strength = np.sum(np.abs(branch) ** 2, axis=1)
         size = np.maximum((branch.conj() @ left).real / strength, 0.0)
         gain = size**2 * strength

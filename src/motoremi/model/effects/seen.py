@@ -46,6 +46,8 @@ class Seen:
         The open-circuit sweep, and the impedance of the winding in it.
     model_ohm : ndarray, shape (n,), optional
         The model's impedance in the short-circuit sweep.
+    across_ohm : ndarray, shape (n,), optional
+        Relative decrease of that impedance for each siemens across the winding.
     parameters : mapping
         The model's parameters, SI units.
     place : str
@@ -58,6 +60,7 @@ class Seen:
     open_ohm: ComplexArray | None = None
     through_ohm: ComplexArray | None = None
     model_ohm: ComplexArray | None = None
+    across_ohm: ComplexArray | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     place: str = ""
 
