@@ -128,8 +128,9 @@ class Judgement:
         """Whether the most probable model differs enough from the base to matter to a user."""
         base = self.found[()]
         # An error of the analyser that its specification allows is no fault.
-        allowed = of_the_analyser_alone(self.best.added) and self._little_is_left and self.base.rms_error_percent <= self.base.floor_percent
-        return not allowed and (self._describes or _comes_closer(base, self.best) or _relieves(base, self.best))
+        slight = self.base.analyser_sigma <= ALLOWED_SIGMA and acceptance_of(self.base, self.base) == "slight"
+        allowed = (self._little_is_left or slight) and self.base.rms_error_percent <= self.base.floor_percent
+        return not (allowed and of_the_analyser_alone(self.best.added)) and (self._describes or _comes_closer(base, self.best) or _relieves(base, self.best))
 
     @property
     def _describes(self) -> bool:
