@@ -93,6 +93,24 @@ def test_a_law_with_usual_values_is_named_as_before():
     assert air_coil(core_share_is_usual=True).named == ("permeability-relaxation",)
 
 
+STEP = ("range-step",)
+
+
+def test_a_step_that_is_slight_within_the_specification_is_not_named():
+    """Of a sound motor on a quiet analyser: the step that its ranges may have takes the undescribed part from 0.12 to 0.096 %."""
+    found = of(model((), 0.0, 0.17, 0.12), model(STEP, 83.0, 0.18, 0.096))
+    assert decided(found[()].fit, found).named == ()  # type: ignore[arg-type]
+    # Beyond what noise and specification would leave it is a fault.
+    large = of(model((), 0.0, 2.0, 1.9), model(STEP, 83.0, 0.18, 0.096))
+    assert decided(large[()].fit, large).named == STEP  # type: ignore[arg-type]
+
+
+def test_beside_an_effect_that_leaves_no_more_than_the_specification_a_step_is_not_named():
+    loss = ("dielectric-loss@Cf",)
+    found = of(model((), 0.0, 1.7, 0.7), model(loss, 300.0, 0.16, 0.16), model(STEP, 1.0, 1.7, 0.7), model((*loss, *STEP), 480.0, 0.16, 0.03))
+    assert decided(found[()].fit, found).named == loss  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(("second_leaves", "best"), [(8.4, ("permeability-relaxation",)), (2.0, ("permeability-relaxation", "eddy-laminations"))])
 def test_a_further_effect_that_leaves_as_much_is_not_needed(second_leaves, best):
     """A toroid of ferrite: the analyser takes up more, the circuit errs by 39 instead of 9 %, and the evidence is higher."""

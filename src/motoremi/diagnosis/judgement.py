@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -102,7 +103,14 @@ class Judgement:
         return max(fewer, key=lambda one: one.score, default=None)
 
     def _needs_all(self, model: Candidate, under: Candidate) -> bool:
-        """Whether the effect that a model has beyond a smaller one does more than to reduce the analyser's error a little."""
+        """Whether the effect that a model has beyond a smaller one does more than to reduce the analyser's error a little.
+
+        An error of the analyser beside a model that is within its specification is none: the errors that it allows have structure too.
+        """
+        further = tuple(Counter(model.added) - Counter(under.added))
+        within = under.fit.rms_error_percent <= under.fit.floor_percent and under.fit.analyser_sigma <= ALLOWED_SIGMA
+        if of_the_analyser_alone(further) and within and acceptance_of(self.base, under.fit) != "not":
+            return False
         needed = _leaves_less(under, model) or _comes_closer(under, model) or _relieves(under, model)
         return needed and not (_enough(under) and self._at_one_place(model.added))
 
@@ -129,8 +137,9 @@ class Judgement:
         base = self.found[()]
         # An error of the analyser that its specification allows is no fault.
         slight = self.base.analyser_sigma <= ALLOWED_SIGMA and acceptance_of(self.base, self.base) == "slight"
-        allowed = (self._little_is_left or slight) and self.base.rms_error_percent <= self.base.floor_percent
-        return not (allowed and of_the_analyser_alone(self.best.added)) and (self._describes or _comes_closer(base, self.best) or _relieves(base, self.best))
+        within = (self._little_is_left or slight) and self.base.rms_error_percent <= self.base.floor_percent
+        allowed = within and of_the_analyser_alone(self.best.added)
+        return not allowed and (self._describes or _comes_closer(base, self.best) or _relieves(base, self.best))
 
     @property
     def _describes(self) -> bool:
@@ -281,8 +290,12 @@ class Judgement:
 
     @cached_property
     def closest_found(self) -> Candidate:
-        """The model whose circuit errs least; the most probable one may need large analyser errors."""
-        return min(self.found.values(), key=lambda one: one.fit.rms_error_percent)
+        """The model whose circuit errs least; the most probable one may need large analyser errors.
+
+        One with a fault of the analyser or its fixture is it only if it errs half as much: such a fault also describes part of a missing resonance.
+        """
+        faulty = {key for key in self.found if any(find_effect(name).effect.group == "instrument" for name in key)}
+        return min(self.found.items(), key=lambda found: found[1].fit.rms_error_percent * (ALIKE if found[0] in faulty else 1.0))[1]
 
     @property
     def gain(self) -> float:

@@ -45,7 +45,7 @@ EFFECTS = (
         title="relaxation of the insulation",
         formula="C * (1 + strength / (1 + (s / (2 * pi * corner_hz))**exponent))",
         parameters=(
-            Parameter("strength", "", 0.005, 1.0, "0.02 - 0.5 for slot insulation, wider for damp material", usual=(0.02, 0.5)),
+            Parameter("strength", "", 0.005, 5.0, "0.02 - 0.5 for slot insulation; damp material and layers above 1", usual=(0.02, 0.5)),
             Parameter("corner_hz", "Hz", 1e4, 60e6, "1 kHz - 10 MHz; below 10 kHz nothing shows in this band"),
             # Below a half a relaxation is as wide as the band, and hardly differs from a constant loss angle.
             Parameter(
