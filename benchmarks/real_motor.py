@@ -162,8 +162,8 @@ def parameter_table(fit: me.Fit) -> Iterator[str]:
 
 def largest_errors(fit: me.Fit) -> str:
     """The frequencies with the largest errors, as a sentence."""
-    errors = np.abs(fit.errors()["short"])
-    frequency_hz = fit.measurement.sweeps[0].frequency_hz
+    sweep = fit.measurement.sweeps[0]
+    errors, frequency_hz = np.abs(fit.errors()[sweep.termination]), sweep.frequency_hz
     places = ", ".join(f"{show(float(frequency_hz[i]), 'Hz')} ({100 * errors[i]:.2g} %)" for i in sorted(np.argsort(-errors)[:4]))
     return f"Largest errors: {places}."
 

@@ -18,6 +18,7 @@ import motoremi as me
 from benchmarks.real_cores import sentences
 from benchmarks.real_motor import largest_errors, model_name, parameter_table, write
 from motoremi.data.files import read_impedance
+from motoremi.data.sweep import Termination
 from motoremi.fitting.fit import MODES
 from motoremi.quantities import show, show_band
 
@@ -28,10 +29,11 @@ ENOUGH_PERCENT = 2.0
 
 @dataclass(frozen=True)
 class Winding:
-    """A measured winding, and its file within the folder."""
+    """A measured winding, its file within the folder, and the sweep as which it is imported."""
 
     title: str
     file: str
+    termination: Termination = "short"
 
 
 SOUND, FIVE, TEN = "healthy motor impedance/csv", "Fault maybe 5%/csv", "10%/csv"
@@ -42,6 +44,8 @@ WINDINGS = (
     Winding("The first phase with about 5 % of its turns shorted", f"{FIVE}/L1.csv"),
     Winding("The first phase with about 10 % of its turns shorted", f"{TEN}/L1.csv"),
     Winding("Two phases in series, about 10 % of the turns of one shorted", f"{TEN}/L1toL2.csv"),
+    Winding("From the terminal of a phase to the frame, sound", f"{SOUND}/L1toGND.csv", "open"),
+    Winding("From the terminal of that phase to the frame, about 10 % of its turns shorted", f"{TEN}/L1toGND.csv", "open"),
 )
 
 
@@ -58,7 +62,7 @@ def page(folder: Path) -> Iterator[str]:
         "Data: terminal impedances of a three-phase induction motor, measured with a Bode 100 from 10 kHz to 40 MHz, sound and with turns of one "
         "phase shorted; github.com/Refiloe-Leanya/EEE4022S-, no licence stated and therefore not part of motoremi: `FOLDER` is the folder "
         "`Omicron-lab-bode 100 HF` of that repository. None of these curves was used while the catalogue and the search were written; the step "
-        "that adds modes was written with the first one. Each is imported as a short-circuit sweep with "
+        "that adds modes was written with the first and the seventh. Windings are imported as short-circuit sweeps, terminal to frame as open-circuit ones, with "
         f"`--band 150kHz:30MHz --accuracy {ENOUGH_PERCENT:g}` and given to `motoremi diagnose`. Errors are rms of |model/measured - 1|."
     )
     rows, sections = [], []
@@ -80,13 +84,13 @@ def page(folder: Path) -> Iterator[str]:
     yield (
         "Modes describe the resonances without a cause: slots, coils and phases resonate against each other, and no geometry is known. The shorted "
         "turns are not named, since the sound winding is no circuit of the catalogue either: compare two windings of one machine instead. "
-        "Impedances to the frame have no step with modes: those are read from the short-circuit sweep."
+        "How the motor was connected for the curves to the frame is read from their names."
     )
 
 
 def section(one: Winding, path: Path) -> tuple[str, list[str]]:
     """A row of the summary, and the section."""
-    whole = read_impedance(path, "short")
+    whole = read_impedance(path, one.termination)
     used = (whole.frequency_hz >= BAND_HZ[0]) & (whole.frequency_hz <= BAND_HZ[1])
     stated = {**whole.metadata, "accuracy_percent": str(ENOUGH_PERCENT)}
     sweep = replace(whole, frequency_hz=whole.frequency_hz[used], impedance_ohm=whole.impedance_ohm[used], metadata=stated)

@@ -11,6 +11,7 @@ from command_line import motoremi
 
 import motoremi as me
 from motoremi.data.csvfiles import write_impedance_csv
+from motoremi.data.measurement import Measurement
 from motoremi.data.session import load
 from motoremi.diagnosis import machine_modes
 from motoremi.diagnosis.machine_modes import machine_in_words, machine_with_modes
@@ -72,15 +73,19 @@ def test_what_a_mode_changes_behind_a_lead_is_a_derivative() -> None:
     motor = add_effects(dc_motor(), ["lead-inductance", MODES])
     values = {**{p.name: p.middle for p in motor.parameters}, "Ra": 15.0, "La": 5e-4, "Ca": 1.3e-10, "lead-inductance.inductance_h": LEAD_H}
     values |= {f"{MODES}.capacitance_f": 2e-11, f"{MODES}.resonance_hz": 3e6, f"{MODES}.quality": QUALITY}
-    model, across = seen_across(motor, values, FREQUENCY_HZ)
     tiny = 1e-18
     more = {**values, f"{MODES}#2.capacitance_f": tiny, f"{MODES}#2.resonance_hz": 8e6}
-    changed, _ = seen_across(add_effects(motor, [MODES]), more, FREQUENCY_HZ)
-    s = 2j * np.pi * FREQUENCY_HZ
-    x = s / (2 * np.pi * 8e6)
-    expected = -across * s * 1e-13 / (1 + x / QUALITY + x**2)
-    more[f"{MODES}#2.capacitance_f"] = 1e-13
-    larger, _ = seen_across(add_effects(motor, [MODES]), more, FREQUENCY_HZ)
-    np.testing.assert_allclose(changed, model, rtol=1e-6)
-    # To first order: the branch changes the impedance by up to a per cent or two.
-    np.testing.assert_allclose(larger / model - 1, expected, atol=5e-2 * np.max(np.abs(expected)))
+    for termination in ("short", "open"):
+        measurement = Measurement.of([me.ImpedanceSweep(termination, FREQUENCY_HZ, machine())])
+        across = seen_across(motor, values, measurement)
+        changed = seen_across(add_effects(motor, [MODES]), more, measurement)
+        larger = seen_across(add_effects(motor, [MODES]), {**more, f"{MODES}#2.capacitance_f": 1e-13}, measurement)
+        assert across is not None
+        assert changed is not None
+        assert larger is not None
+        s = 2j * np.pi * across.frequency_hz
+        x = s / (2 * np.pi * 8e6)
+        expected = -across.decrease_ohm * s * 1e-13 / (1 + x / QUALITY + x**2)
+        np.testing.assert_allclose(changed.model_ohm, across.model_ohm, rtol=1e-6)
+        # To first order: the branch changes the impedance by up to a per cent or two.
+        np.testing.assert_allclose(larger.model_ohm / across.model_ohm - 1, expected, atol=5e-2 * np.max(np.abs(expected)))

@@ -26,7 +26,7 @@ BEGINNINGS = 3
 
 
 def machine_with_modes(base: Fit, whole: Candidate | None, each: Map = map) -> Candidate | None:
-    """The model with the least error of ordinary parts and modes; None without a short-circuit sweep, from which the modes are read.
+    """The model with the least error of ordinary parts and modes; None if the base has an effect beside which there are no modes.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def machine_with_modes(base: Fit, whole: Candidate | None, each: Map = map) -> C
     each : callable
         As the built-in `map`.
     """
-    if "short" not in base.measurement.terminations or not find_effect(MODES).fits(base.motor):
+    if not find_effect(MODES).fits(base.motor):
         return None
     possible = set(possible_effects(base)) - set(base.effects)
     sets = {tuple(sorted(name for name in names if name in possible)) for names in (*ORDINARY, () if whole is None else whole.added)}

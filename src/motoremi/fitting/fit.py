@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, FloatArray, Progress
+from motoremi.arrays import ComplexArray, Progress
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
@@ -43,7 +43,7 @@ from motoremi.fitting.vanishing import no_worse
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.open_alone import Division, divisions
-from motoremi.model.effects.seen import Seen
+from motoremi.model.effects.seen import Across, Seen
 from motoremi.model.effects.start import with_start
 from motoremi.model.effects.validity import active_at
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
@@ -349,12 +349,9 @@ def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Pr
     added = find_effect(MODES)
     label, seen_now = added.label_in(task.motor), _seen_by(before)
     assert added.effect.reader is not None
-    starts: list[dict[str, float]] = []
-    if seen_now.frequency_hz is not None:
-        everything = {**{p.name: p.middle for p in task.motor.parameters}, **values}
-        model, across = seen_across(task.motor, everything, seen_now.frequency_hz)
-        seen_so = dataclasses.replace(seen_now, model_ohm=model, across_ohm=across, parameters=values)
-        starts = [with_start(values, start, label) for start in added.effect.reader(seen_so)]
+    everything = {**{p.name: p.middle for p in task.motor.parameters}, **values}
+    seen_so = dataclasses.replace(seen_now, across=seen_across(task.motor, everything, before.measurement.coarse), parameters=values)
+    starts = [with_start(values, start, label) for start in added.effect.reader(seen_so)]
     motor = added.added_to(task.motor)
     return dataclasses.replace(task, motor=motor).relative(), starts or [dict(values)]
 
@@ -362,27 +359,28 @@ def _with_mode(task: Task, values: Mapping[str, float], before: Fit) -> tuple[Pr
 @lru_cache(maxsize=4)
 def _seen_by(fit: Fit, place: str = "") -> Seen:
     """The sweeps beside what a fit makes of them, for an effect at a place."""
-    sweeps = seen(fit.measurement.coarse)
-    model, across = (None, None) if sweeps.frequency_hz is None else seen_across(fit.motor, fit.parameters, sweeps.frequency_hz)
-    return dataclasses.replace(sweeps, model_ohm=model, across_ohm=across, parameters=fit.parameters, place=place)
+    across = seen_across(fit.motor, fit.parameters, fit.measurement.coarse)
+    return dataclasses.replace(seen(fit.measurement.coarse), across=across, parameters=fit.parameters, place=place)
 
 
-def seen_across(motor: Motor, values: Mapping[str, float], frequency_hz: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """The impedance in the short-circuit sweep, and its relative decrease for each siemens across the winding, in ohm.
+def seen_across(motor: Motor, values: Mapping[str, float], measurement: Measurement) -> Across | None:
+    """What an admittance across the winding changes in the short-circuit sweep, or in the open-circuit one if that is the only one.
 
-    The decrease is that by a mode of next to no capacitance, divided by the mode's admittance.
+    It is what a mode of next to no capacitance changes, divided by the mode's admittance; None beside an effect that excludes modes.
     """
+    if not find_effect(MODES).fits(motor):
+        return None
+    sweep = next((one for one in measurement.sweeps if one.termination == "short"), measurement.sweeps[0])
     added = find_effect(MODES)
     label, with_mode = added.label_in(motor), added.added_to(motor)
     own = {f"{label}.{name}": value for name, value in {**added.effect.limit_values, "capacitance_f": NEXT_TO_NOTHING_F}.items()}
     everything = {**own, **values}
-    names = list(with_mode.used_parameters("short"))
-    s: ComplexArray = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
-    impedance, gradient = Tape(with_mode.circuit("short"), names).gradient(s, np.array([everything[name] for name in names]))
-    quality = everything[f"{MODES}.quality"]
+    names = list(with_mode.used_parameters(sweep.termination))
+    s: ComplexArray = np.asarray(2j * np.pi * sweep.frequency_hz, dtype=np.complex128)
+    impedance, gradient = Tape(with_mode.circuit(sweep.termination), names).gradient(s, np.array([everything[name] for name in names]))
     x = s / (2 * np.pi * everything[f"{label}.resonance_hz"])
-    across = -gradient[names.index(f"{label}.capacitance_f")] / impedance * (1 + x / quality + x**2) / s
-    return impedance, np.asarray(across, dtype=np.complex128)
+    decrease = -gradient[names.index(f"{label}.capacitance_f")] / impedance * (1 + x / everything[f"{MODES}.quality"] + x**2) / s
+    return Across(sweep.frequency_hz, sweep.mean_ohm, impedance, np.asarray(decrease, dtype=np.complex128))
 
 
 @lru_cache(maxsize=4)

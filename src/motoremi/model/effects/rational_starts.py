@@ -226,16 +226,17 @@ def _last(polynomial: np.ndarray, count: int) -> np.ndarray:
 
 def winding_modes(seen: Seen) -> list[dict[Any, float]]:
     """One more series branch across the winding at the resonances where it reduces the relative error most, the best first."""
-    if seen.frequency_hz is None or seen.short_ohm is None or seen.model_ohm is None or seen.across_ohm is None:
+    if seen.across is None:
         return []
+    frequency, measured, model, decrease = seen.across
     # To first order in the admittance of the branch.
-    s, left = 2j * np.pi * seen.frequency_hz, 1 - seen.model_ohm / seen.short_ohm
-    resonances = np.geomspace(seen.frequency_hz[0], MODES_BEYOND * seen.frequency_hz[-1], MODES_EXAMINED)
+    s, left = 2j * np.pi * frequency, 1 - model / measured
+    resonances = np.geomspace(frequency[0], MODES_BEYOND * frequency[-1], MODES_EXAMINED)
     x = s / (2 * np.pi * resonances[:, None])
     found: list[tuple[float, dict[str, float]]] = []
     known = seen.parameters.get("winding-modes.quality")
     for quality in (known,) if known else MODE_QUALITIES:
-        branch = -seen.across_ohm * s / (1 + x / quality + x**2)
+        branch = -decrease * s / (1 + x / quality + x**2)
         strength = np.sum(np.abs(branch) ** 2, axis=1)
         size = np.maximum((branch.conj() @ left).real / strength, 0.0)
         gain = size**2 * strength

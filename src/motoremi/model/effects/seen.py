@@ -34,6 +34,15 @@ class Frame(NamedTuple):
         return Frame(self.frequency_hz[points], self.impedance_ohm[points], self.error_ohm[points])
 
 
+class Across(NamedTuple):
+    """A sweep beside a model's impedance, and the relative decrease of that for each siemens across the winding, in ohm."""
+
+    frequency_hz: FloatArray
+    measured_ohm: ComplexArray
+    model_ohm: ComplexArray
+    decrease_ohm: ComplexArray
+
+
 @dataclass(frozen=True, eq=False)
 class Seen:
     """The mean sweeps, and the model without the effect.
@@ -44,10 +53,8 @@ class Seen:
         The short-circuit sweep.
     frame_hz, open_ohm, through_ohm : ndarray, shape (m,), optional
         The open-circuit sweep, and the impedance of the winding in it.
-    model_ohm : ndarray, shape (n,), optional
-        The model's impedance in the short-circuit sweep.
-    across_ohm : ndarray, shape (n,), optional
-        Relative decrease of that impedance for each siemens across the winding.
+    across : Across, optional
+        What an admittance across the winding changes in the model without the effect.
     parameters : mapping
         The model's parameters, SI units.
     place : str
@@ -59,8 +66,7 @@ class Seen:
     frame_hz: FloatArray | None = None
     open_ohm: ComplexArray | None = None
     through_ohm: ComplexArray | None = None
-    model_ohm: ComplexArray | None = None
-    across_ohm: ComplexArray | None = None
+    across: Across | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     place: str = ""
 
