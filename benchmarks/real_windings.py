@@ -62,7 +62,8 @@ def page(folder: Path) -> Iterator[str]:
         "Data: terminal impedances of a three-phase induction motor, measured with a Bode 100 from 10 kHz to 40 MHz, sound and with turns of one "
         "phase shorted; github.com/Refiloe-Leanya/EEE4022S-, no licence stated and therefore not part of motoremi: `FOLDER` is the folder "
         "`Omicron-lab-bode 100 HF` of that repository. None of these curves was used while the catalogue and the search were written; the step "
-        "that adds modes was written with the first and the seventh. Windings are imported as short-circuit sweeps, terminal to frame as open-circuit ones, with "
+        "that adds modes was written with the first and the seventh. Windings are imported as short-circuit sweeps, "
+        "terminal to frame as open-circuit ones, with "
         f"`--band 150kHz:30MHz --accuracy {ENOUGH_PERCENT:g}` and given to `motoremi diagnose`. Errors are rms of |model/measured - 1|."
     )
     rows, sections = [], []
