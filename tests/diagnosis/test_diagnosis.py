@@ -86,6 +86,19 @@ def test_two_hidden_effects_are_both_named(measure):
     assert diagnosis.best.rms_error_percent < 1.5 * diagnosis.best.floor_percent
 
 
+def test_the_cable_between_analyser_and_motor_is_named(measure):
+    """A metre or two: leads, a capacitance across the terminals or a cable of 50 Ohm leave several times as much."""
+    sweeps, motor = measure(3, ("supply-cable",))
+    with seeking({*FEW, "supply-cable", "cable-delay", "distributed-winding"}):
+        diagnosis = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert diagnosis.effects == ("supply-cable",)
+    assert diagnosis.families == ()
+    sizes = motor.effects[0].sizes
+    found = diagnosis.best.parameters
+    assert found["supply-cable.wave_ohm"] == pytest.approx(np.sqrt(sizes["inductance_h"] / sizes["capacitance_f"]), rel=0.02)
+    assert found["supply-cable.delay_s"] == pytest.approx(np.sqrt(sizes["inductance_h"] * sizes["capacitance_f"]), rel=0.02)
+
+
 def test_three_hidden_effects_are_all_named():
     """Two of them leave 0.15 %, which the third describes."""
     hidden = ("insulation-leakage@Cf", "bearing-film", "frame-eddy")

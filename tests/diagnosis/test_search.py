@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from covariances import complex_normal
+from few_effects import seeking
 from paper_circuit import DAMPED, impedance
 
 import motoremi as me
@@ -20,7 +21,7 @@ from motoremi.diagnosis import motor_board
 from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
 from motoremi.fitting.fit import trail_to
-from motoremi.fitting.race import Raced, Round, Rounds, race
+from motoremi.fitting.race import Raced, Round, Rounds, Trail, race
 
 BUDGET = Budget()
 
@@ -317,3 +318,24 @@ def test_an_effect_beside_a_larger_difference_between_the_sweeps_is_found(seed):
     base = me.fit(me.dc_motor(), case.sweeps())
     board = motor_board.MotorBoard(base)
     assert ("dielectric-loss@Cf",) in {one.added for one in board.sets(1, {(): board.start()}, None)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("hidden", "all_pairs"), [(("lead-inductance",), False), (("eddy-laminations", "insulation-leakage@Cf"), True)])
+def test_pairs_without_the_best_effect_are_compared_only_if_that_leaves_much(measure, monkeypatch, hidden, all_pairs):
+    compared = []
+
+    def every_pair(board: motor_board.MotorBoard, found: object, progress: object) -> dict[Key, Trail]:
+        compared.append(board)
+        return {}
+
+    monkeypatch.setattr(motor_board.MotorBoard, "_leading_pairs", every_pair)
+    sweeps, _ = measure(2, hidden)
+    with seeking():
+        board = motor_board.MotorBoard(me.fit(me.dc_motor(), sweeps))
+        found = {key_of(one): one for one in (board.start(), *board.sets(1, {(): board.start()}, None))}
+        pairs = list(board.sets(2, found, None))
+    best = max((one for key, one in found.items() if key), key=lambda one: one.score)
+    assert all(best.effect in one.added for one in pairs)
+    assert bool(compared) == all_pairs
+    assert (best.left_share > motor_board.MOST_LEFT) == all_pairs
