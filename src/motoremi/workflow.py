@@ -216,7 +216,12 @@ def add_several_to_session(store: Store, effects: Sequence[str], progress: Progr
         progress(" + ".join(effects), 1, 2)
     together = tuple(effect for effect in effects if effect != MODES)
     with own_processes() as each:
-        ladder = [*steps, *(added_with_modes if MODES in effects else added_together)(steps[-1], together, each)]
+        added = (
+            added_with_modes(steps[-1], together, each, part(progress, FITTING, 1))
+            if MODES in effects
+            else added_together(steps[-1], together, each)
+        )
+    ladder = [*steps, *added]
     save_ladder(store, ladder, kept=len(steps))
     return steps[-1], ladder[-1]
 

@@ -327,9 +327,9 @@ def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map
     if left_percent <= 100 * PLAIN:
         return declared
     most = HALF * judgement.closest_found.fit.rms_error_percent
-    whole = whole_machine(judgement.base, each, progress)
+    whole = whole_machine(judgement.base, each, part(progress, 0.0, 0.5))
     if left_percent > SEVERAL_PERCENT and (whole is None or whole.fit.rms_error_percent > SEVERAL_PERCENT):
-        whole = machine_with_modes(judgement.base, whole, each) or whole
+        whole = machine_with_modes(judgement.base, whole, each, part(progress, 0.5, 1.0)) or whole
     if whole is None or whole.fit.rms_error_percent > most:
         return declared
     return dataclasses.replace(declared, judgement=dataclasses.replace(judgement, whole=whole))

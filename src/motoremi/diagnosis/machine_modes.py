@@ -6,8 +6,9 @@ sixteen modes beside them 2 to 6 %. The modes are a description without a cause.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
+from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, Effects, candidate, own_labels, possible_effects
 from motoremi.diagnosis.ladder_step import further
 from motoremi.diagnosis.whole_machine import falling, nearest, steps_to
@@ -25,7 +26,7 @@ ORDINARY = (("permeability-relaxation", "lead-inductance", "terminal-capacitance
 BEGINNINGS = 3
 
 
-def machine_with_modes(base: Fit, whole: Candidate | None, each: Map = map) -> Candidate | None:
+def machine_with_modes(base: Fit, whole: Candidate | None, each: Map = map, progress: Progress | None = None) -> Candidate | None:
     """The model with the least error of ordinary parts and modes; None if the base has an effect beside which there are no modes.
 
     Parameters
@@ -36,16 +37,17 @@ def machine_with_modes(base: Fit, whole: Candidate | None, each: Map = map) -> C
         The ordinary parts that `whole_machine` found, which are tried too.
     each : callable
         As the built-in `map`.
+    progress : callable, optional
     """
     if not find_effect(MODES).fits(base.motor):
         return None
     possible = set(possible_effects(base)) - set(base.effects)
     sets = {tuple(sorted(name for name in names if name in possible)) for names in (*ORDINARY, () if whole is None else whole.added)}
     jobs = [job for names in sorted(sets) if names for job in _beginnings(base, names, each)]
-    return candidate(_least(each(_with_modes, jobs))[-1], base) if jobs else None
+    return candidate(_least(jobs, each, progress)[-1], base) if jobs else None
 
 
-def added_with_modes(base: Fit, names: Effects, each: Map = map) -> list[Fit]:
+def added_with_modes(base: Fit, names: Effects, each: Map = map, progress: Progress | None = None) -> list[Fit]:
     """Several effects added to a fit at once, and modes beside them as long as they lower the error, as steps of one effect each.
 
     Raises
@@ -53,16 +55,17 @@ def added_with_modes(base: Fit, names: Effects, each: Map = map) -> list[Fit]:
     BadInput
         If an effect is unknown, cannot be added, or is given twice.
     """
-    return _least(each(_with_modes, _beginnings(base, names, each)))
+    return _least(_beginnings(base, names, each), each, progress)
 
 
 def machine_in_words(whole: Candidate) -> list[str]:
     """The parts of a machine that were fitted together, with the values that the data determine, and the command that adds them."""
     own = own_labels(whole.fit.effects, whole.added)
+    of_modes = [label for label in own if label.startswith(MODES)]
     parameters = whole.fit.parameters
     known = [p for p in whole.fit.motor.parameters if p.name.rpartition(".")[0] in own and whole.fit.determined(p.name)]
-    values = ", ".join(f"{p.name} = {show(parameters[p.name], p.unit)}" for p in known if not p.name.startswith(MODES))
-    resonances = sorted(parameters[p.name] for p in whole.fit.motor.parameters if p.name.startswith(MODES) and p.short_name == "resonance_hz")
+    values = ", ".join(f"{p.name} = {show(parameters[p.name], p.unit)}" for p in known if p.name.rpartition(".")[0] not in of_modes)
+    resonances = sorted(parameters[f"{label}.resonance_hz"] for label in of_modes)
     said = [f"several parts of the machine show at once; fitted together: {values}"] if values else []
     if resonances:
         listed = ", ".join(show(hertz, "Hz") for hertz in resonances)
@@ -74,7 +77,13 @@ def _beginnings(base: Fit, names: Effects, each: Map) -> list[tuple[Fit, Trail]]
     return [(base, trail) for trail in nearest(base, names, each)[:BEGINNINGS]]
 
 
-def _least(ladders: Iterable[list[Fit]]) -> list[Fit]:
+def _least(jobs: Sequence[tuple[Fit, Trail]], each: Map, progress: Progress | None) -> list[Fit]:
+    """Of the ladders with modes from all beginnings the one whose end errs least."""
+    ladders = []
+    for steps in each(_with_modes, jobs):
+        ladders.append(steps)
+        if progress is not None:
+            progress("modes of the winding", len(ladders), len(jobs))
     return min(ladders, key=lambda steps: steps[-1].rms_error_percent)
 
 

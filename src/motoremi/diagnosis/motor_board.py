@@ -39,7 +39,7 @@ from motoremi.workers import Map
 
 Name = TypeVar("Name", bound=Hashable)
 # Share of the error that the best single effect may leave for only pairs with it to be compared. On two hard boards (seeds 26113301, 26113402)
-# pairs were searched 25 times; the best one contained the best single effect in all 12 searches in which that left less than 8 %, and in 10 others.
+# pairs were searched 25 times; the best one contained the best single effect in all 11 searches in which that left less than 8 %, and in 11 others.
 MOST_LEFT = 0.05
 # The same if no more than this is missing in all: less than what one sees on a plot, or than most analysers err.
 SLIGHT_PERCENT = 0.2
