@@ -100,6 +100,15 @@ CURVES = (
         ("permeability-relaxation", "permeability-relaxation"),
     ),
     Curve(
+        "A binocular core of #43 ferrite with four turns",
+        "BN43-2402_4t_26AWG.s1p",
+        "github.com/in3otd/vectfit_python, `tests/BN43-2402_4t_26AWG.s1p`; repository GPL-2, licence of the data not stated",
+        "unknown",
+        (3e5, 3e7),
+        "The same ferrite below 30 MHz, measured by another person with another network analyser.",
+        ("permeability-relaxation", "permeability-relaxation"),
+    ),
+    Curve(
         "A powder core with two turns",
         "unknown-torroid-15.5x8x6-2-2loops.s1p",
         CORES.format("unknown-torroid-15.5x8x6-2-2loops.s1p"),
@@ -114,8 +123,8 @@ CURVES = (
         "github.com/jnthek/nanovna-codes, `COAX_measurements/RG58C_U_short.s1p`; no licence stated",
         "nanovna",
         (1e7, 1e8),
-        "Five metres of RG58: a uniform line (`distributed-winding`, since a winding is one too) with the skin effect of its conductors.",
-        ("distributed-winding", "skin-effect"),
+        "Five metres of RG58: a line with the skin effect of its conductors, behind which there is next to nothing.",
+        ("supply-cable",),
     ),
     Curve(
         "A coil with iron, 20 Hz - 1 kHz",

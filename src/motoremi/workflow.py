@@ -19,7 +19,7 @@ from motoremi.data.storage import write_whole
 from motoremi.diagnosis.diagnosis import Diagnosis, diagnose
 from motoremi.diagnosis.ladder_step import further, ladder_step
 from motoremi.diagnosis.machine_modes import added_with_modes
-from motoremi.diagnosis.whole_machine import added_together
+from motoremi.diagnosis.whole_machine import added_near, added_together
 from motoremi.errors import BadInput
 from motoremi.fitting.fit import MODES, checked_held, fit
 from motoremi.fitting.result import Fit, restore, same_error_model
@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 # Share of the progress of a diagnosis that is reserved for a first fit.
 FITTING = 0.1
+# Effects are added with the values of the diagnosis if the error is then no more than this many times the diagnosed one.
+AS_DIAGNOSED = 1.1
 
 
 class Store(Protocol):
@@ -215,7 +217,11 @@ def add_several_to_session(store: Store, effects: Sequence[str], progress: Progr
     if progress is not None:
         progress(" + ".join(effects), 1, 2)
     together = tuple(effect for effect in effects if effect != MODES)
+    known = _diagnosed(store, steps[-1], effects)
     with own_processes() as each:
+        if known is not None and (near := added_near(steps[-1], *known[:2], each))[-1].rms_error_percent <= AS_DIAGNOSED * known[2]:
+            save_ladder(store, [*steps, *near], kept=len(steps))
+            return steps[-1], near[-1]
         added = (
             added_with_modes(steps[-1], together, each, part(progress, FITTING, 1))
             if MODES in effects
@@ -224,6 +230,15 @@ def add_several_to_session(store: Store, effects: Sequence[str], progress: Progr
     ladder = [*steps, *added]
     save_ladder(store, ladder, kept=len(steps))
     return steps[-1], ladder[-1]
+
+
+def _diagnosed(store: Store, fit: Fit, effects: Sequence[str]) -> tuple[tuple[str, ...], dict[str, float], float] | None:
+    """The effects that the stored diagnosis adds to this model, its parameters and its error in percent; None if it is not of these effects."""
+    stored = load(store.path).analysis("diagnosis") or {}
+    best = stored.get("best") or {}
+    added = tuple(best.get("effects", ())[len(fit.effects) :])
+    same = stored.get("base", {}).get("effects") == list(fit.effects) and set(added) == set(effects)
+    return (added, dict(best["parameters"]), float(best["rms_error_percent"])) if same and "parameters" in best else None
 
 
 def drop_from_session(store: Store) -> tuple[Fit, Fit]:

@@ -6,6 +6,7 @@ import json
 import sys
 from pathlib import Path
 from random import Random
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -405,13 +406,18 @@ def test_ctrl_c_says_what_is_kept_only_where_something_is(tmp_path, monkeypatch,
     assert capsys.readouterr().err.splitlines()[-1] == f"motoremi: stopped{kept}"
 
 
-@pytest.mark.usefixtures("few_effects")
-def test_two_named_effects_are_shown_and_added_together(tmp_path, measure):
+def import_two_effects(folder: Path, measure) -> None:
+    """A session `s` of a motor with two hidden effects."""
     sweeps, _ = measure(2, ("insulation-leakage@Cf", "lead-inductance"))
-    files = [tmp_path / f"{number}.csv" for number in range(len(sweeps))]
+    files = [folder / f"{number}.csv" for number in range(len(sweeps))]
     for file, sweep in zip(files, sweeps, strict=True):
         write_impedance_csv(file, sweep)
-    motoremi("import", tmp_path / "s", "--short", *files[:3], "--open", *files[3:], "--analyser", "4294a")
+    motoremi("import", folder / "s", "--short", *files[:3], "--open", *files[3:], "--analyser", "4294a")
+
+
+@pytest.mark.usefixtures("few_effects")
+def test_two_named_effects_are_shown_and_added_together(tmp_path, measure):
+    import_two_effects(tmp_path, measure)
     told = motoremi("diagnose", tmp_path / "s").stdout.splitlines()
     together = next(line for line in told if line.startswith("  together: "))
     command = next(line for line in told if line.startswith("next: motoremi add "))
@@ -421,3 +427,18 @@ def test_two_named_effects_are_shown_and_added_together(tmp_path, measure):
     step = document(motoremi("add", tmp_path / "s", *names, "--json"))
     left = step["after"]["rms_error_percent"]
     assert f"error {left:.3g} %" in together
+    diagnosed = load(tmp_path / "s").analysis("diagnosis")["best"]
+    assert left == pytest.approx(diagnosed["rms_error_percent"], rel=1e-3)
+    assert step["after"]["effects"] == diagnosed["effects"]
+
+
+def test_effects_that_were_diagnosed_together_are_added_with_the_values_of_the_diagnosis(tmp_path, measure):
+    """A search of its own may end elsewhere where resonances make many minima."""
+    import_two_effects(tmp_path, measure)
+    with seeking({"insulation-leakage@Cf", "lead-inductance"}):
+        motoremi("diagnose", tmp_path / "s")
+    with mock.patch("motoremi.workflow.added_together", side_effect=AssertionError("searched again")):
+        done = motoremi("add", tmp_path / "s", "lead-inductance", "insulation-leakage@Cf", "--json")
+    diagnosed = load(tmp_path / "s").analysis("diagnosis")["best"]
+    added = {name: entry["value"] for name, entry in document(done)["after"]["parameters"].items()}
+    assert added == pytest.approx(diagnosed["parameters"], rel=1e-3)

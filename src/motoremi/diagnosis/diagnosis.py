@@ -188,7 +188,7 @@ class Diagnosis:
             "confidence": self.confidence,
             "findings": [finding.to_dict() for finding in self.findings],
             "base": _figures(self.base),
-            "best": _figures(self.best),
+            "best": {**_figures(self.best), "parameters": dict(self.best.parameters)},
             "unexplained_percent": dict(left),
             "floor_percent": self.best.floor_percent,
             "noise_percent": self.best.noise_percent,

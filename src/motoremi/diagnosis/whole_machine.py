@@ -130,6 +130,18 @@ def falling(base: Fit, steps: Sequence[Fit]) -> list[Fit]:
     return done[1:]
 
 
+def added_near(base: Fit, names: Effects, values: Mapping[str, float], each: Map = map) -> list[Fit]:
+    """Effects added in this order, as steps of one each, from the values that they have together."""
+    trails = [_near(base, names[: number + 1], values) for number in range(len(names))]
+    *fewer, last = each(_fitted_near, [(base, trail) for trail in trails])
+    return [*falling(base, fewer), last]
+
+
+def _fitted_near(job: tuple[Fit, Trail]) -> Fit:
+    base, trail = job
+    return on_all_points((trail, raced_alone(trail), base))
+
+
 def nearest(base: Fit, names: Effects, each: Map = map) -> list[Trail]:
     """Where several effects together may be fitted best, the best first; their order makes no difference."""
     names = tuple(sorted(names))
