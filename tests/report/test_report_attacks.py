@@ -27,6 +27,8 @@ NOT_SHOWN = (
     # What is asked next is told by `next_measurement`.
     "diagnosis.question",
     *("diagnosis.where", "diagnosis.analyser", "diagnosis.best.effects", "diagnosis.next_measurement.id"),
+    # The values that `motoremi add` begins with; the report has those of the ladder.
+    "diagnosis.best.parameters",
     *("emission-diagnosis.where", "emission-diagnosis.best.effects", "emission-diagnosis.candidates.family"),
     *("emission-diagnosis.next_measurement.id", "emission-diagnosis.observations.id", "emission.limit", "emission.steps.parameters name"),
     *(f"prediction.limit.{name}" for name in ("lines", "lisn", "name", "port")),

@@ -15,7 +15,7 @@ import motoremi.simulate
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.errors import BadInput
-from motoremi.simulate import hidden_machine, ladders
+from motoremi.simulate import hidden_connection, hidden_machine, ladders
 from motoremi.simulate.hidden_effects import (
     ANALYSER_FAULTS,
     DEMO_EFFECTS,
@@ -62,6 +62,7 @@ def test_every_motor_is_passive(effect: str, termination: Termination) -> None:
 def test_ngspice_agrees(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # Hundreds of cells of iron with resistors of nano-ohms reduce the precision of ngspice: fewer cells, and none of those far below the band.
     monkeypatch.setattr(hidden_machine, "MACHINE_CELLS", 5)
+    monkeypatch.setattr(hidden_connection, "CABLE_CELLS", 5)
     monkeypatch.setattr(ladders, "LOWEST_HZ", 10e3)
     frequency = [150e3, 1.3e6, 9.1e6, 30e6]
     for seed, termination in zip((3, 4), TERMINATIONS, strict=True):

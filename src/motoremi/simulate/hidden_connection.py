@@ -12,7 +12,7 @@ from motoremi.simulate.parts import IN, OUT, Block, Network
 _WIRE_RADIUS_M = 1e-3
 _SKIN_AT_1MHZ = _WIRE_RADIUS_M / 2 * np.sqrt(np.pi * 1e6 * ladders.MU_0 * ladders.COPPER_S_PER_M)
 # Cells of a cable: at 30 MHz the electrical length of one of 4 m is then too large by 2e-5 of itself.
-_CABLE_CELLS = 256
+CABLE_CELLS = 256
 
 
 def _draw_bearing(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
@@ -85,7 +85,7 @@ def _apply_cable(network: Network, elements: Elements, sizes: Sizes) -> Network:
     wire = ladders.round_wire(sizes["skin_ohm"] / _SKIN_AT_1MHZ, _WIRE_RADIUS_M)
     conductor = Network().inductor("l", IN, "end", sizes["inductance_h"]).block("wire", "end", OUT, wire)
     insulation = Block("insulation", "X", "G", ladders.lossy_capacitor(sizes["capacitance_f"], sizes["tan_delta"]))
-    cells = ladders.winding_line(conductor, insulation, "X", "terminal", _CABLE_CELLS, "cable ")
+    cells = ladders.winding_line(conductor, insulation, "X", "terminal", CABLE_CELLS, "cable ")
     return network.with_node("X", "terminal").plus(*cells)
 
 
