@@ -18,11 +18,17 @@ FEW = frozenset({
 
 @contextmanager
 def seeking(names: Container[str] = FEW) -> Iterator[None]:
-    """Search these effects only: a third of the time, or a fifth if pairs are searched. Priors are those of the whole catalogue."""
+    """Search these effects only: a third of the time, or a fifth if pairs are searched. Priors are those of the whole catalogue.
+
+    What none of them describes is not described as a machine with modes either.
+    """
     every = motor_board.possible_effects
 
     def some(fit: Fit) -> list[str]:
         return [name for name in every(fit) if name in names]
 
-    with mock.patch.object(motor_board, "possible_effects", some):
+    with (
+        mock.patch.object(motor_board, "possible_effects", some),
+        mock.patch("motoremi.diagnosis.diagnosis.machine_with_modes", return_value=None),
+    ):
         yield
