@@ -5,13 +5,12 @@ FOLDER holds `N87_mu_small`, `N87_eps_small` and `N87_eps_temperature` of github
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.real_motor import write
+from benchmarks.page import make
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.inspection import dispersion as laws
 from motoremi.inspection.dispersion import DispersionFit, fit_laws
@@ -116,13 +115,5 @@ def with_temperature(warming: list[tuple[str, DispersionFit]]) -> Iterator[str]:
         yield f"| {name} | {show(own['leak_hz'], 'Hz', 3)} | {show(own['corner_hz'], 'Hz', 3)} | {own['strength']:.3g} | {own['exponent']:.3g} |"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--out", type=Path, help="write the page here instead of printing it")
-    arguments = parser.parse_args()
-    write(page(arguments.folder), arguments.out)
-
-
 if __name__ == "__main__":
-    main()
+    make(__doc__, page, "folder")

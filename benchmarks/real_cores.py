@@ -6,7 +6,6 @@ file names in `CURVES`, which also gives the origin of each; the one with an ope
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import sys
@@ -17,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 import motoremi as me
-from benchmarks.real_motor import largest_errors, model_name, parameter_table, within, write
+from benchmarks.page import make
+from benchmarks.real_motor import largest_errors, model_name, parameter_table, within
 from motoremi.data.files import read_impedance
 from motoremi.quantities import show_band
 
@@ -243,13 +243,5 @@ def sentences(reasons: Sequence[str]) -> str:
     return " ".join(f"{reason[:1].upper()}{reason[1:]}." for reason in reasons)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--out", type=Path, help="write the page here instead of printing it")
-    arguments = parser.parse_args()
-    write(page(arguments.folder), arguments.out)
-
-
 if __name__ == "__main__":
-    main()
+    make(__doc__, page, "folder")

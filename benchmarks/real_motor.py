@@ -5,16 +5,16 @@ Takes a few minutes. FILE is the winding's impedance between its terminals, 100 
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 import motoremi as me
+from benchmarks.page import make
 from motoremi.data.files import read_impedance
 from motoremi.diagnosis.ladder_step import further
 from motoremi.model.effects import find_effect
@@ -179,22 +179,5 @@ def _counted(name: str, count: int) -> str:
     return name if count == 1 else f"{count} x {name}"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("path", type=Path)
-    parser.add_argument("--out", type=Path, help="write the page here instead of printing it")
-    arguments = parser.parse_args()
-    write(page(arguments.path), arguments.out)
-
-
-def write(lines: Iterable[str], out: Path | None) -> None:
-    """A page to a file, or to standard output."""
-    text = "\n".join(lines) + "\n"
-    if out is None:
-        print(text, end="")
-    else:
-        out.write_text(text, encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    make(__doc__, page, "path")

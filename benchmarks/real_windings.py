@@ -1,12 +1,11 @@
 """`python -m benchmarks.real_windings FOLDER [--out docs/real_windings.md]`: the windings of a real induction motor, sound and with shorted turns.
 
-Takes five minutes on two cores. The curves have no licence and are not part of motoremi: FOLDER is the folder `Omicron-lab-bode 100 HF` of the
+Takes seven minutes on two cores. The curves have no licence and are not part of motoremi: FOLDER is the folder `Omicron-lab-bode 100 HF` of the
 repository that the page names.
 """
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import sys
 import time
@@ -15,8 +14,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import motoremi as me
+from benchmarks.page import make
 from benchmarks.real_cores import sentences
-from benchmarks.real_motor import largest_errors, model_name, parameter_table, write
+from benchmarks.real_motor import largest_errors, model_name, parameter_table
 from motoremi.data.files import read_impedance
 from motoremi.data.sweep import Termination
 from motoremi.fitting.fit import MODES
@@ -91,10 +91,8 @@ def page(folder: Path) -> Iterator[str]:
 
 def section(one: Winding, path: Path) -> tuple[str, list[str]]:
     """A row of the summary, and the section."""
-    whole = read_impedance(path, one.termination)
-    used = (whole.frequency_hz >= BAND_HZ[0]) & (whole.frequency_hz <= BAND_HZ[1])
-    stated = {**whole.metadata, "accuracy_percent": str(ENOUGH_PERCENT)}
-    sweep = replace(whole, frequency_hz=whole.frequency_hz[used], impedance_ohm=whole.impedance_ohm[used], metadata=stated)
+    read = read_impedance(path, one.termination, band=BAND_HZ)
+    sweep = replace(read, metadata={**read.metadata, "accuracy_percent": str(ENOUGH_PERCENT)})
     base = me.fit(me.dc_motor(), [sweep])
     started = time.perf_counter()
     found = me.diagnose(base)
@@ -121,13 +119,5 @@ def section(one: Winding, path: Path) -> tuple[str, list[str]]:
     ]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--out", type=Path, help="write the page here instead of printing it")
-    arguments = parser.parse_args()
-    write(page(arguments.folder), arguments.out)
-
-
 if __name__ == "__main__":
-    main()
+    make(__doc__, page, "folder")

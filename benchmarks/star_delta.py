@@ -5,15 +5,13 @@ The model is fitted to the values in star; those in delta are predicted.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from benchmarks.real_motor import write
+from benchmarks.page import make
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model import materials
 from motoremi.quantities import show
@@ -167,12 +165,5 @@ def _polar(z: complex) -> str:
     return f"{abs(z):.4g} Ohm, {np.degrees(np.angle(z)):.1f} deg"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, help="write the page here instead of printing it")
-    arguments = parser.parse_args()
-    write(page(), arguments.out)
-
-
 if __name__ == "__main__":
-    main()
+    make(__doc__, page)

@@ -30,7 +30,7 @@ from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.progress import part
 from motoremi.quantities import parse
-from motoremi.workers import own_processes
+from motoremi.workers import Map, own_processes
 
 if TYPE_CHECKING:
     from motoremi.report.contents import Choice, Materials
@@ -217,28 +217,26 @@ def add_several_to_session(store: Store, effects: Sequence[str], progress: Progr
     if progress is not None:
         progress(" + ".join(effects), 1, 2)
     together = tuple(effect for effect in effects if effect != MODES)
-    known = _diagnosed(store, steps[-1], effects)
     with own_processes() as each:
-        if known is not None and (near := added_near(steps[-1], *known[:2], each))[-1].rms_error_percent <= AS_DIAGNOSED * known[2]:
-            save_ladder(store, [*steps, *near], kept=len(steps))
-            return steps[-1], near[-1]
-        added = (
-            added_with_modes(steps[-1], together, each, part(progress, FITTING, 1))
-            if MODES in effects
-            else added_together(steps[-1], together, each)
-        )
+        added = _as_diagnosed(store, steps[-1], effects, each)
+        if added is None and MODES in effects:
+            added = added_with_modes(steps[-1], together, each, part(progress, FITTING, 1))
+        elif added is None:
+            added = added_together(steps[-1], together, each)
     ladder = [*steps, *added]
     save_ladder(store, ladder, kept=len(steps))
     return steps[-1], ladder[-1]
 
 
-def _diagnosed(store: Store, fit: Fit, effects: Sequence[str]) -> tuple[tuple[str, ...], dict[str, float], float] | None:
-    """The effects that the stored diagnosis adds to this model, its parameters and its error in percent; None if it is not of these effects."""
+def _as_diagnosed(store: Store, fit: Fit, effects: Sequence[str], each: Map) -> list[Fit] | None:
+    """The steps with the values of the stored diagnosis; None if that is not of these effects on this model, or they do not lead to its error."""
     stored = load(store.path).analysis("diagnosis") or {}
-    best = stored.get("best") or {}
+    best = stored.get("best", {})
     added = tuple(best.get("effects", ())[len(fit.effects) :])
-    same = stored.get("base", {}).get("effects") == list(fit.effects) and set(added) == set(effects)
-    return (added, dict(best["parameters"]), float(best["rms_error_percent"])) if same and "parameters" in best else None
+    if stored.get("base", {}).get("effects") != list(fit.effects) or set(added) != set(effects) or "parameters" not in best:
+        return None
+    steps = added_near(fit, added, best["parameters"], each)
+    return steps if steps[-1].rms_error_percent <= AS_DIAGNOSED * best["rms_error_percent"] else None
 
 
 def drop_from_session(store: Store) -> tuple[Fit, Fit]:

@@ -387,6 +387,7 @@ def diagnose_(
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.emission import diagnose_spectra
     from motoremi.cli.output import emit_json, say
+    from motoremi.model.effects.names import as_sum
     from motoremi.workflow import diagnose_session, opened
 
     if emission:
@@ -406,7 +407,7 @@ def diagnose_(
     for candidate in result.candidates[:6]:
         say(f"    {candidate.effect:28s} p {result.probabilities[candidate.effect]:<9.3g} {_errors(candidate.fit)}  {candidate.describe()}")
     if len(result.effects) > 1:
-        say(f"  together: {' + '.join(result.effects)}  {_errors(result.best)}")
+        say(f"  together: {as_sum(result.effects)}  {_errors(result.best)}")
     if result.effects:
         say(f"next: motoremi add {path} {' '.join(result.effects)}")
 
@@ -544,6 +545,7 @@ def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
     """Show the ladder: the models so far and their errors."""
     from motoremi.cli.output import emit_json, say
     from motoremi.data.session import load
+    from motoremi.model.effects.names import as_sum
     from motoremi.report.words import described, would_leave
 
     steps = load(path).ladder
@@ -554,7 +556,7 @@ def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
         say(f"the ladder is empty: motoremi fit {path}")
     for number, step in enumerate(steps):
         fit = step["fit"]
-        model = "paper's circuit" + "".join(f" + {effect}" for effect in fit["effects"])
+        model = as_sum(("paper's circuit", *fit["effects"]))
         say(f"{number}  error {fit['rms_error_percent']:8.4g} %  chi2_reduced {fit['chi2_reduced']:10.4g}  {model}")
         _say_details(step)
         if "unexplained_percent" in fit:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import html
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -48,6 +47,7 @@ from motoremi.investigation.next_measurement import next_measurement
 from motoremi.investigation.question import Question, next_question
 from motoremi.investigation.rivals import Rivals
 from motoremi.model.effects import find_effect
+from motoremi.model.effects.names import as_sum
 from motoremi.progress import part
 from motoremi.quantities import show, show_band
 from motoremi.threads import one_blas_thread
@@ -519,7 +519,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         return [
             f"{missing} and none of {tried} effects explains it, nor do two of them, nor a third beside the best two",
             *(() if judgement.whole is None else machine_in_words(judgement.whole)),
-            f"closest: {_counted(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
+            f"closest: {as_sum(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
             f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",
             *_modes_hint(closest),
         ]
@@ -580,12 +580,6 @@ def _short_strap_h(judgement: Judgement) -> float | None:
         return None
     henry = judgement.model.fit.parameters["ground-strap-inductance.inductance_h"]
     return henry if henry <= SHORT_STRAP_H else None
-
-
-def _counted(effects: Sequence[str]) -> str:
-    """Effects with the number of those that were added several times."""
-    counts = Counter(effects)
-    return " + ".join(name if number == 1 else f"{number} {name}" for name, number in counts.items())
 
 
 def _modes_hint(closest: Candidate) -> list[str]:

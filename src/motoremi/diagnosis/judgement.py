@@ -108,8 +108,7 @@ class Judgement:
         An error of the analyser beside a model that is within its specification is none: the errors that it allows have structure too.
         """
         further = tuple(Counter(model.added) - Counter(under.added))
-        within = under.fit.rms_error_percent <= under.fit.floor_percent and under.fit.analyser_sigma <= ALLOWED_SIGMA
-        if of_the_analyser_alone(further) and within and acceptance_of(self.base, under.fit) != "not":
+        if of_the_analyser_alone(further) and _is_within(under.fit) and acceptance_of(self.base, under.fit) != "not":
             return False
         needed = _leaves_less(under, model) or _comes_closer(under, model) or _relieves(under, model)
         return needed and not (_enough(under) and self._at_one_place(model.added))
@@ -136,9 +135,8 @@ class Judgement:
         """Whether the most probable model differs enough from the base to matter to a user."""
         base = self.found[()]
         # An error of the analyser that its specification allows is no fault.
-        slight = self.base.analyser_sigma <= ALLOWED_SIGMA and acceptance_of(self.base, self.base) == "slight"
-        within = (self._little_is_left or slight) and self.base.rms_error_percent <= self.base.floor_percent
-        allowed = within and of_the_analyser_alone(self.best.added)
+        slight = self._little_is_left or acceptance_of(self.base, self.base) == "slight"
+        allowed = slight and _is_within(self.base) and of_the_analyser_alone(self.best.added)
         return not allowed and (self._describes or _comes_closer(base, self.best) or _relieves(base, self.best))
 
     @property
@@ -428,6 +426,11 @@ class Judgement:
             left.remove(name)
             path.append(self.found[tuple(sorted(taken))].fit)
         return (*path, last.fit) if last.added else (self.base,)
+
+
+def _is_within(fit: Fit) -> bool:
+    """Whether a circuit errs by no more than noise and specification would leave, with the analyser's errors about as large as specified."""
+    return fit.rms_error_percent <= fit.floor_percent and fit.analyser_sigma <= ALLOWED_SIGMA
 
 
 def of_the_analyser_alone(effects: Sequence[str]) -> bool:

@@ -132,7 +132,7 @@ class MotorBoard:
         return {} if best is None else {(*best.added, name): trail_to(best.fit, name) for name in possible_effects(best.fit)}
 
     def _contain_the_best(self, found: Mapping[Key, Candidate]) -> bool:
-        """Whether the best pair is sure to contain the best single effect, since that leaves next to nothing or there was little to describe."""
+        """Whether the best pair can be expected to contain the best single effect: that leaves next to nothing, or there was little to describe."""
         best = _best_with_little_left(found, 1)
         return best is not None and (self._base.unexplained_percent["value"] <= SLIGHT_PERCENT or best.left_share <= MOST_LEFT)
 

@@ -15,6 +15,7 @@ from motoremi.export.ideal_network import Coils
 from motoremi.export.realise import Realisation, deviation, impedance_of, realise
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.effects.names import as_sum
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import show, show_band
 from motoremi.threads import one_blas_thread
@@ -120,7 +121,7 @@ def _header(
     fit: Fit, motor: Motor, network: Realisation, span: tuple[float, float], errors: tuple[float, float], left_out: tuple[str, ...]
 ) -> Iterator[str]:
     yield f"* DC motor, common mode, fitted by motoremi {__version__}"
-    yield f"* model: the paper's circuit{''.join(f' + {name}' for name in motor.effects)}"
+    yield "* model: " + as_sum(("the paper's circuit", *motor.effects))
     yield f"* fit: error {fit.rms_error_percent:.3g} % rms against the measurement, {show_band(*span)}"
     yield f"*   noise and analyser would leave {fit.floor_percent:.2g} %"
     yield f"* this netlist against that model: at most {errors[0]:.2g} dB and {errors[1]:.2g} degree over the same span"

@@ -26,6 +26,7 @@ from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Found, Solution, Task
 from motoremi.fitting.warming import displacements
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.effects.names import as_sum
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import error_bar, show
 
@@ -384,7 +385,7 @@ class Fit:
         return table
 
     def __repr__(self) -> str:
-        model = "paper's circuit" + "".join(f" + {effect}" for effect in self.effects)
+        model = as_sum(("paper's circuit", *self.effects))
         lines = [
             f"Fit of the {model} ({self.method}, {'converged' if self.converged else 'NOT CONVERGED'})",
             f"  error {self.rms_error_percent:.3g} % rms ({self.rms_error_db:.3g} dB); noise and analyser would leave {self.floor_percent:.3g} %, "

@@ -96,9 +96,9 @@ def conductor(s: ComplexArray, resistance: Any, inductance: Any, skin: Any) -> V
 
 
 def line_series(s: ComplexArray, wave: Any, delay: Any, skin: Any) -> ValueAndSlopes:
-    """Z = s Zc tau + Rs sqrt(2 s / w1), w1 = 2 pi 1 MHz: inductance and skin effect of the whole length of a line; Rs as of `conductor`."""
-    rise = np.sqrt(s) * (2 / (TWO_PI * 1e6)) ** 0.5
-    return s * wave * delay + skin * rise, (s * delay, s * wave, rise)
+    """Z = s Zc tau + Rs sqrt(2 s / w1): inductance and skin effect of the whole length of a line, as of `conductor`."""
+    impedance, (_, by_inductance, by_skin) = conductor(s, 0.0, wave * delay, skin)
+    return impedance, (by_inductance * delay, by_inductance * wave, by_skin)
 
 
 def line_shunt(s: ComplexArray, wave: Any, delay: Any) -> ValueAndSlopes:

@@ -11,6 +11,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison, compare
+from motoremi.model.effects.names import as_sum
 from motoremi.quantities import error_bar, show, show_band
 from motoremi.report import plots
 from motoremi.report.cause import diagnosis_section, title_of
@@ -219,7 +220,7 @@ def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
     results = results_of(steps)
     texts = [f"The paper's circuit fails most at: {spans(compare(steps[0]).where, 4)}."] if is_result(steps[0]) else []
     texts.append(f"Of a perfect model {would_leave(steps[-1].floor_percent, steps[-1].noise_percent)}.")
-    notes = tuple(f"At {' + '.join(step['fit']['effects']) or 'the base'}: {note}." for step in stored for note in step.get("notes", ()))
+    notes = tuple(f"At {as_sum(step['fit']['effects']) or 'the base'}: {note}." for step in stored for note in step.get("notes", ()))
     pictures = (picture("ladder", plots.ladder_figure(results), "The error at each step of the ladder."),) if results else ()
     tables = (Table("Models", columns, tuple(rows), frozenset(marked)), _bands_of_steps(results))
     return Section("Ladder", (*texts, *notes), tables, pictures)
@@ -261,7 +262,7 @@ def bands_table(comparison: Comparison) -> Table:
 
 def _comparison(comparison: Comparison) -> Section:
     texts = (
-        f"Model: {' + '.join(('paper’s circuit', *comparison.effects))}. Tolerance at every point: {tolerance(comparison)}. "
+        f"Model: {as_sum(('paper’s circuit', *comparison.effects))}. Tolerance at every point: {tolerance(comparison)}. "
         "A point fails if it is beyond the tolerance and beyond the expanded uncertainty of the measurement (k = 2).",
     )
     drawn = picture("comparison", plots.comparison_figure(comparison), "Error of the current model against uncertainty and tolerance.")

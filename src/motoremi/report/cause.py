@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
 from motoremi.model.effects import find_effect
+from motoremi.model.effects.names import as_sum
 from motoremi.quantities import show
 from motoremi.report import plots
 from motoremi.report.conditions_section import asked_table, path_table
@@ -44,7 +45,7 @@ def diagnosis_section(diagnosis: JsonDict, asked: JsonDict | None = None) -> Sec
     texts = [f"{sentence[:1].upper()}{sentence[1:]}; confidence {100 * diagnosis['confidence']:.0f} %."]
     texts += [reason[:1].upper() + reason[1:] + "." for reason in reasons_of(diagnosis)]
     if "unexplained_percent" in diagnosis:
-        texts.append(f"The model {' + '.join(('paper’s circuit', *diagnosis['best']['effects']))} {described(diagnosis['unexplained_percent'])}.")
+        texts.append(f"The model {as_sum(('paper’s circuit', *diagnosis['best']['effects']))} {described(diagnosis['unexplained_percent'])}.")
     texts += [f"Not distinguished by these data: {', '.join(family)}." for family in diagnosis["families"]]
     texts += [_explained(str(name)) for name in diagnosis["effects"]]
     texts.append(f"Measure next: {diagnosis['next_measurement']['why']}.")

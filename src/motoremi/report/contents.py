@@ -20,6 +20,7 @@ from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison
+from motoremi.model.effects.names import as_sum
 from motoremi.report.kinds import FORMS, SECTIONS
 
 # Longer texts are cut for display; the machine-readable data hold them complete.
@@ -111,7 +112,7 @@ def is_result(fit: Fit) -> bool:
 
 def model_name(fit: Fit) -> str:
     """The base model and its effects, for display."""
-    return " + ".join(("paper's circuit", *fit.effects))
+    return as_sum(("paper's circuit", *fit.effects))
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from motoremi.arrays import JsonDict
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison, compare
+from motoremi.model.effects.names import as_sum
 from motoremi.quantities import show_band
 from motoremi.report.contents import Box, Materials, is_result
 from motoremi.report.words import described, findings_of, in_words, mood_of, serious_of, share_of_analyser
@@ -71,12 +72,12 @@ def _diagnosis_lines(diagnosis: JsonDict) -> list[Line]:
 def _after(last: Fit, diagnosis: JsonDict | None) -> Line:
     """The error after adding the effect: of the current model or, before it is added, as found by the diagnosis."""
     if not last.effects and diagnosis is not None and diagnosis["effects"]:
-        model = f"with {' + '.join(diagnosis['effects'])}, not added yet"
+        model = f"with {as_sum(diagnosis['effects'])}, not added yet"
         error, left = float(diagnosis["best"]["rms_error_percent"]), diagnosis.get("unexplained_percent")
         reached = left is not None and left["value"] <= last.measurement.good_enough_percent
         # A proposed effect is not a result yet, so it is not shown in green.
         return f"Error after ({model})", f"{error:.3g} % rms", "plain" if reached else "bad"
-    model = f"with {' + '.join(last.effects)}" if last.effects else "no effect added"
+    model = f"with {as_sum(last.effects)}" if last.effects else "no effect added"
     if not is_result(last):
         return f"Error after ({model})", NO_RESULT, "bad"
     return f"Error after ({model})", f"{last.rms_error_percent:.3g} % rms", "good" if last.explained else "bad"

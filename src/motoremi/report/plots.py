@@ -17,6 +17,7 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison, compare
+from motoremi.model.effects.names import as_sum
 from motoremi.quantities import show
 from motoremi.report.axes import (
     BAND_GREY,
@@ -69,7 +70,7 @@ def sweeps_figure(base: Fit, best: Fit, height_inch: float = 6.6) -> Figure:
     figure, axes = panels(5.0 * len(sweeps), height_inch, 3, len(sweeps), height_ratios=(3, 2, 2))
     models = [(base, model_name(base), VERMILION, "--")]
     if best.effects != base.effects:
-        models.append((best, "with " + " + ".join(best.effects), BLUE, "-"))
+        models.append((best, f"with {as_sum(best.effects)}", BLUE, "-"))
     uncertainty = {sweep: curve.uncertainty_percent for sweep, curve in compare(base).curves.items()}
     errors = [fit.errors() for fit, *_ in models]
     for column, sweep in enumerate(sweeps):

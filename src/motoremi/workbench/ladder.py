@@ -11,6 +11,7 @@ from typing import ClassVar, Generic, Protocol, TypeAlias, TypeVar
 
 from motoremi.arrays import Progress
 from motoremi.errors import BadInput
+from motoremi.model.effects.names import as_sum
 
 # Largest number of fits that are computed ahead of a click and kept; each holds the arrays of its problem.
 MOST_PREPARED = 60
@@ -176,7 +177,7 @@ class Ladder(ABC, Generic[F]):
 
     def _require(self, shown: str | None) -> None:
         if shown is not None and shown != self.standing:
-            stands = " + ".join((self.BASE, *self.steps[-1].effects)) if self.steps else "no model"
+            stands = as_sum((self.BASE, *self.steps[-1].effects)) if self.steps else "no model"
             raise BadInput(
                 f"the ladder was changed since this page showed it and the current model is now {stands}: nothing was done; look, then choose again"
             )

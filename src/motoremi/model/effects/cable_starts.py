@@ -30,9 +30,9 @@ def winding_behind_cable(seen: Seen) -> list[dict[Any, float]]:
     found = []
     for wave in WAVES_OHM:
         for delay in DELAYS_S:
-            alone = _without(frequency, measured, wave, delay)
+            alone = _through(frequency, measured, wave, -delay)
             winding = rational_fit(frequency, alone, 1 / np.abs(alone), (1, 2))
-            error = np.log(_behind(frequency, _value(winding, frequency), wave, delay) / measured)
+            error = np.log(_through(frequency, _value(winding, frequency), wave, delay) / measured)
             found.append((float(np.sum(np.abs(error) ** 2)), wave, float(delay), winding))
     starts = []
     best = sorted((one for one in found if np.isfinite(one[0])), key=lambda one: one[0])[:TRIED]
@@ -51,25 +51,15 @@ def _frames(seen: Seen, winding: Rational, wave: float, delay: float) -> list[di
         return [{}]
     step = max(1, seen.frame_hz.size // FRAME_POINTS)
     frequency = seen.frame_hz[::step]
-    alone, through = _without(frequency, seen.open_ohm[::step], wave, delay), _value(winding, frequency)
+    alone, through = _through(frequency, seen.open_ohm[::step], wave, -delay), _value(winding, frequency)
     found = frames(frequency, alone - through, np.hypot(np.abs(alone), np.abs(through)))
     return [{Set(name): value for name, value in one.items()} for one in found[:1]]
 
 
-def _tangent(frequency_hz: FloatArray, delay: float) -> ComplexArray:
-    return np.asarray(np.tanh((DAMPING + 1j) * 2 * np.pi * frequency_hz * delay), dtype=np.complex128)
-
-
-def _without(frequency_hz: FloatArray, impedance: ComplexArray, wave: float, delay: float) -> ComplexArray:
-    """The impedance at the far end of a line."""
-    tangent = _tangent(frequency_hz, delay)
-    return wave * (impedance - wave * tangent) / (wave - impedance * tangent)
-
-
-def _behind(frequency_hz: FloatArray, impedance: ComplexArray, wave: float, delay: float) -> ComplexArray:
-    """The impedance at the near end of a line."""
-    tangent = _tangent(frequency_hz, delay)
-    return wave * (impedance + wave * tangent) / (wave + impedance * tangent)
+def _through(frequency_hz: FloatArray, impedance: ComplexArray, wave: float, delay: float) -> ComplexArray:
+    """The impedance at the near end of a line; a negative delay takes the line away."""
+    tangent = np.tanh((DAMPING + 1j) * 2 * np.pi * frequency_hz * delay)
+    return np.asarray(wave * (impedance + wave * tangent) / (wave + impedance * tangent), dtype=np.complex128)
 
 
 def _value(rational: Rational, frequency_hz: FloatArray) -> ComplexArray:

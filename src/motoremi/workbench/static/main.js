@@ -104,12 +104,20 @@ function writeAddress(step = false) {
   if (address.href !== location.href) history[step ? "pushState" : "replaceState"](null, "", address);
 }
 
+// An effect that occurs several times stands once, with the number.
+function counted(effects) {
+  return [...new Set(effects)].map((name) => {
+    const number = effects.filter((one) => one === name).length;
+    return number > 1 ? `${number} ${name}` : name;
+  });
+}
+
 function writeModel() {
   const head = page.head;
   element("stands").textContent = "";
   if (!head) return;
   const top = head.ladder.at(-1);
-  element("stands").textContent = top ? `model: ${["paper's circuit", ...top.effects].join(" + ")}, error ${percent(top.rms_error_percent)}` : "no model yet";
+  element("stands").textContent = top ? `model: ${["paper's circuit", ...counted(top.effects)].join(" + ")}, error ${percent(top.rms_error_percent)}` : "no model yet";
 }
 
 function complain(text, mood = "bad") {
