@@ -18,7 +18,7 @@ from motoremi import drawing
 from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter
 from motoremi.inspection.effect_signature import signature
-from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, legend_above, panels
 from motoremi.report.kinds import PLOTS
 from motoremi.report.svg import to_svg
 from motoremi.workflow import ladder_of, opened
@@ -139,3 +139,20 @@ def test_results_are_drawn_without_asking_for_the_report_first():
         "import sys; sweep = me.ImpedanceSweep('short', f, z); assert 'motoremi.report.figures' not in sys.modules; assert sweep.plot().axes"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, "MPLBACKEND": "agg"})
+
+
+@pytest.mark.parametrize("width", [5.0, 10.0])
+@pytest.mark.parametrize("labels", [["a", "b", "c", "d", "e"], ["measured", "the circuit + " + "lead-inductance + " * 6 + "3 winding-modes"]])
+def test_a_legend_is_no_wider_than_its_figure_and_above_the_panels(width, labels):
+    """A model with many effects has a label of two lines."""
+    figure, ((axes,),) = panels(width, 4.0)
+    for label in labels:
+        axes.plot([1.0, 2.0], [1.0, 2.0], label=label)
+    legend_above(figure, axes)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.x1
+    assert axes.get_window_extent().y1 <= box.y0 + 2
+    assert [text.get_text().replace("\n", " ") for text in legend.texts] == labels

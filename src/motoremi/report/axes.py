@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,8 @@ LONGEST_LABEL = 60
 EDGE, LINE, TICK, BELOW, BETWEEN = 0.07, 0.19, 0.18, 0.52, 0.16
 TITLE, LEGEND_LINE, LETTER = 0.28, 0.19, 0.0085
 RIGHT = 0.25
-LEGEND_COLUMNS = 4
+# The narrowest figure, of one sweep, is as wide as 60 letters of the legend. A sample of the line stands before each label (inches).
+LEGEND_COLUMNS, LEGEND_LETTERS, LEGEND_POINTS, LEGEND_SAMPLE = 4, 60, 8, 0.5
 
 
 def panels(width: float, height: float, rows: int = 1, columns: int = 1, **grid: Any) -> tuple[Figure, Any]:
@@ -83,11 +85,23 @@ def grid(axes: Axes) -> None:
 
 
 def legend_above(figure: Figure, *sources: Axes) -> None:
-    """One legend for the whole figure, above the panels."""
-    entries = {label: handle for axes in sources for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-    arrange(figure, -(-len(entries) // LEGEND_COLUMNS))
-    columns = min(LEGEND_COLUMNS, len(entries))
-    figure.legend(list(entries.values()), list(entries), loc="upper center", borderaxespad=0.2, ncols=columns, fontsize=8, frameon=False)
+    """One legend for the whole figure, above the panels, with as many columns as the figure is wide enough for."""
+    found = {label: handle for axes in sources for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    entries = {textwrap.fill(label, LEGEND_LETTERS, break_on_hyphens=False): handle for label, handle in found.items()}
+    columns = _legend_columns(list(entries), float(figure.get_figwidth()))
+    arrange(figure, -(-len(entries) // columns) + sum(label.count("\n") for label in entries))
+    figure.legend(
+        list(entries.values()), list(entries), loc="upper center", borderaxespad=0.2, ncols=columns, fontsize=LEGEND_POINTS, frameon=False
+    )
+
+
+def _legend_columns(labels: list[str], width: float) -> int:
+    """How many columns of labels, filled one after the other, are no wider than `width` in inches."""
+    for columns in range(min(LEGEND_COLUMNS, len(labels)), 1, -1):
+        longest = [max(len(line) for label in column for line in label.split("\n")) for column in np.array_split(labels, columns)]
+        if LETTER * LEGEND_POINTS * sum(longest) + LEGEND_SAMPLE * columns <= width:
+            return columns
+    return 1
 
 
 def arrange(figure: Figure, legend_lines: int) -> None:
