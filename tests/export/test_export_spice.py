@@ -90,6 +90,22 @@ def test_two_laws_on_one_element_become_one_ladder() -> None:
     assert deg < DEG
 
 
+@pytest.mark.parametrize("beside", [(), ("permeability-relaxation",), ("eddy-laminations",), ("field-coupling",)])
+@pytest.mark.parametrize("quality", [0.01, 0.7, 6.0])
+@pytest.mark.parametrize("exponent", [0.6, 1.0])
+def test_a_damped_resonance_of_the_core_is_in_the_network(beside: tuple[str, ...], quality: float, exponent: float) -> None:
+    """R and L alone cannot resonate: without a capacitor in the core's cell this is 10 to 20 dB off."""
+    motor, values = motor_with("permeability-relaxation", *beside)
+    own = {"share": 0.45, "corner_hz": 1e6, "exponent": exponent, "quality": quality}
+    values |= {f"permeability-relaxation.{name}": value for name, value in own.items()}
+    network = realise(motor, values, SPAN)
+    frequency = np.geomspace(*SPAN, 2000)
+    for termination in ("short", "open"):
+        db, deg = deviation(network.impedance(termination, frequency), impedance_of(motor.circuit(termination), values, frequency))
+        assert db < 1e-4, termination
+        assert deg < 1e-3, termination
+
+
 def test_an_own_law_becomes_a_ladder() -> None:
     def half_power(s, scale):
         value = scale * np.sqrt(s / 1e6)

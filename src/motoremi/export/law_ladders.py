@@ -22,8 +22,9 @@ _REFINEMENTS = 8
 
 @dataclass(frozen=True)
 class Ladder:
-    """A passive network and its largest relative error over the span it was fitted on."""
+    """A passive network for a named element, and its largest relative error over the span it was fitted on."""
 
+    name: str
     part: Part
     error: float
 
@@ -47,7 +48,7 @@ def ladder_of(name: str, frequency_hz: FloatArray, impedance: ComplexArray, reso
     candidates = []
     for part in (_inductive(name, inductive), _capacitive(name, capacitive)):
         if part is not None:
-            candidates.append(Ladder(part, float(np.abs(part.impedance(s) / impedance - 1).max())))
+            candidates.append(Ladder(name, part, float(np.abs(part.impedance(s) / impedance - 1).max())))
     return min(candidates, key=lambda ladder: ladder.error)
 
 

@@ -11,9 +11,9 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.errors import BadInput
 from motoremi.export.ideal_network import Coils, Element, InParallel, InSeries, Part, resonant_loop
-from motoremi.export.law_ladders import ladder_of
-from motoremi.model import laws
-from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, Tape, walk
+from motoremi.export.law_ladders import Ladder, ladder_of
+from motoremi.model import laws, materials
+from motoremi.model.circuit import Bridged, Leaf, Line, Node, Parallel, Scaled, Series, Superposed, Tape, walk
 from motoremi.model.motor import Motor
 from motoremi.model.sections import Sections, linked_flux
 
@@ -143,8 +143,13 @@ class _Builder:
             return InSeries(tuple(self.part(member) for member in node.members))
         if isinstance(node, Parallel):
             return InParallel(tuple(self.part(member) for member in node.members))
-        exact = self._leaf(node) if isinstance(node, Leaf) else self._scaled(node) if isinstance(node, Scaled) else None
-        return exact if exact is not None else self._ladder(node)
+        return self._exact(node) or self._fitted(self._ladder_of(node))
+
+    def _exact(self, node: Node) -> Part | None:
+        """The same impedance in few parts, if there are such; only losses of a core that relaxes are a ladder."""
+        if isinstance(node, Leaf):
+            return self._leaf(node)
+        return (self._scaled(node) if isinstance(node, Scaled) else None) or self._relaxing(node)
 
     def _own(self, node: Node) -> list[float]:
         return [self.values[parameter.name] for parameter in node.own_parameters]
@@ -179,15 +184,50 @@ class _Builder:
             return InSeries((Element("L", name, (1 - coupling**2) * inductance), loop))
         return None
 
-    def _ladder(self, node: Node) -> Part:
+    def _relaxing(self, node: Node) -> Part | None:
+        """An inductance whose core relaxes, once or several times, in series with what other laws of the core leave."""
+        changes = node.changed if isinstance(node, Superposed) else (node,)
+        relaxing = [
+            change
+            for change in changes
+            if isinstance(change, Scaled) and change.law is materials.permeability_factor and isinstance(change.child, Leaf)
+        ]
+        left = 1 - sum(self._own(change)[0] for change in relaxing)
+        if not relaxing or left <= 0:
+            return None
+        cells = InSeries(tuple(self._relaxation(change) for change in relaxing))
+        if len(changes) > len(relaxing):
+            rest, whole = self._ladder_of(node, cells), self._ladder_of(node)
+            return InSeries((cells, self._fitted(rest))) if rest.error < whole.error else self._fitted(whole)
+        inductor = relaxing[0].child
+        assert isinstance(inductor, Leaf)
+        return InSeries((cells, Element("L", _word(inductor.name), left * self._own(inductor)[0])))
+
+    def _relaxation(self, node: Scaled) -> Part:
+        """The share of an inductance that relaxes: s L / (1 + x^a + (Q x)^2) is L, C and an element s^(1 - a) in parallel."""
+        share, corner_hz, exponent, quality = self._own(node)
+        corner, name = 2 * np.pi * corner_hz, _word(next(part.name for part in walk(node) if isinstance(part, Leaf)))
+        inductance = share * self._own(node.child)[0]
+        s: ComplexArray = np.asarray(2j * np.pi * self.frequency_hz, dtype=np.complex128)
+        loss = self._fitted(ladder_of(f"{name}_loss", self.frequency_hz, inductance * corner**exponent * s ** (1 - exponent)))
+        capacitance = quality**2 / (corner**2 * inductance)
+        return InParallel((Element("L", f"{name}_core", inductance), Element("C", f"{name}_core", capacitance), loss))
+
+    def _ladder_of(self, node: Node, without: Part | None = None) -> Ladder:
+        """A ladder for a node, or for what it has in series with a part that is known."""
         name = _word(next((part.name for part in walk(node) if isinstance(part, Leaf)), "part"))
         loops = [self._own(part)[1:] for part in walk(node) if isinstance(part, Scaled) and part.law is laws.coupled_winding_factor]
         # A narrow resonance needs additional points.
         near = [resonance_hz * np.exp(np.linspace(-6, 6, 120) / max(quality, 5.0)) for resonance_hz, quality in loops]
         frequency = np.unique(np.concatenate((self.frequency_hz, *near)))
         resonances = tuple((2 * np.pi * resonance_hz, quality) for resonance_hz, quality in loops)
-        ladder = ladder_of(name, frequency, impedance_of(node, self.values, frequency), resonances)
-        self.errors[name] = max(ladder.error, self.errors.get(name, 0.0))
+        target = impedance_of(node, self.values, frequency)
+        if without is not None:
+            target = target - without.impedance(np.asarray(2j * np.pi * frequency, dtype=np.complex128))
+        return ladder_of(name, frequency, target, resonances)
+
+    def _fitted(self, ladder: Ladder) -> Part:
+        self.errors[ladder.name] = max(ladder.error, self.errors.get(ladder.name, 0.0))
         return ladder.part
 
 
