@@ -30,7 +30,7 @@ from motoremi.diagnosis.findings import (
     the_same_twice,
 )
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, judge, of_the_analyser_alone
+from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, distributed, judge, of_the_analyser_alone
 from motoremi.diagnosis.machine_modes import machine_in_words, machine_with_modes
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
@@ -61,6 +61,8 @@ Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument
 
 # About 3 cm of wire: leads may differ by as much between the two sweeps.
 SHORT_STRAP_H = 30e-9
+# A metre of wire of 0.2 mm has half an ohm: with more than that a contact is bad.
+LEADS_OHM = 0.5
 # Largest number of names in a family; the probability of further members is subtracted from the confidence.
 LARGEST_FAMILY = 6
 # Serious findings for which the verdict is `data` if no model is accepted.
@@ -484,6 +486,9 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("names, not as declared")
     if judgement.acceptance in ("mostly", "slight"):
         kinds.append(judgement.acceptance)
+    if verdict == "unexplained" and judgement.nearly_described:
+        relaxing = distributed(judgement.closest_found.added)
+        kinds.append("unexplained, two relaxations at one place" if relaxing else "unexplained, nearly all described")
     if verdict == "adequate" and hardly_seen(judgement.model.fit):
         kinds.append("adequate, hardly seen")
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):
@@ -509,7 +514,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         missing = f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %{less})"
         if judgement.described and judgement.distributed:
             pair = judgement.best.added
-            imitation = next(text for name in (*pair, "dielectric-relaxation@Cf") if (text := find_effect(name).imitated_by))
+            imitation = _imitation(pair)
             return [f"{missing}; two relaxations describe it, {' and '.join(pair)}, and so would {imitation}, which is not in the catalogue"]
         if judgement.described and judgement.best.unusual:
             return [
@@ -521,6 +526,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             *(() if judgement.whole is None else machine_in_words(judgement.whole)),
             f"closest: {as_sum(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
             f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",
+            *_nearly(judgement),
             *_modes_hint(closest),
         ]
     if not named:
@@ -551,6 +557,11 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             f"a strap of {show(strap_h, 'H')} is so short that leads which were longer in the open-circuit sweep have the same impedance: measure "
             "both sweeps with the same leads, in the same positions"
         )
+    if (contact_ohm := best.parameters.get("lead-inductance.resistance_ohm", 0.0)) > LEADS_OHM and "lead-inductance" in named:
+        said.append(
+            f"{show(contact_ohm, 'Ohm')} in series with the sweeps is more than leads have: a bad contact at a clip, a terminal or the brushes; "
+            "clean it, or measure with four wires"
+        )
     if (unusual := judgement.unusual_instead) is not None:
         values = ", ".join(unusual.unusual or unusual.at_bound)
         said.append(f"{unusual.effect} describes these sweeps as well and is more probable, but only with unusual values ({values})")
@@ -572,6 +583,25 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")
     return said
+
+
+def _imitation(relaxing: Key) -> str:
+    """What has the impedance of two relaxations at one place."""
+    return next(text for name in (*relaxing, "dielectric-relaxation@Cf") if (text := find_effect(name).imitated_by))
+
+
+def _nearly(judgement: Judgement) -> list[str]:
+    """Why effects that describe nearly all are not named."""
+    if not judgement.nearly_described:
+        return []
+    found = judgement.closest_found
+    if distributed(found.added):
+        why = f"but so would {_imitation(found.added)}, which is not in the catalogue"
+    elif found.unusual:
+        why = f"but only with unusual values ({', '.join(found.unusual)})"
+    else:
+        why = "but several effects together describe almost any curve" if len(found.added) > 1 else "but its law may be that of another effect"
+    return [f"{as_sum(found.added)} may be what is missing, since it describes nine tenths of it or more, {why}: it is not named"]
 
 
 def _short_strap_h(judgement: Judgement) -> float | None:

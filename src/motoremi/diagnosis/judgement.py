@@ -296,6 +296,12 @@ class Judgement:
         return min(self.found.items(), key=lambda found: found[1].fit.rms_error_percent * (ALIKE if found[0] in faulty else 1.0))[1]
 
     @property
+    def nearly_described(self) -> bool:
+        """Whether the closest model leaves only a small share of what the base does: its effects may be those that are missing."""
+        found = self.closest_found
+        return bool(found.added) and found.fit.unexplained_percent["value"] <= NEARLY_ALL * self.base.unexplained_percent["value"]
+
+    @property
     def gain(self) -> float:
         """Log odds of the most probable model against the base."""
         return self.best.score - self.found[()].score

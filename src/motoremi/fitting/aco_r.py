@@ -22,6 +22,11 @@ RANK_WIDTH = 0.15
 SPEED = 0.85
 
 
+def scattered(problem: Problem, rng: np.random.Generator, count: int) -> FloatArray:
+    """Solutions drawn from the whole range of each unknown."""
+    return problem.low + rng.random((count, len(problem.unknowns))) * (problem.high - problem.low)
+
+
 @dataclass
 class Colony:
     """An archive of solutions that ants improve.
@@ -40,9 +45,8 @@ class Colony:
 
     def __post_init__(self) -> None:
         problem = self.problem
-        size = len(problem.unknowns)
-        scattered = problem.low + self.rng.random((4 * ARCHIVE, size)) * (problem.high - problem.low)
-        members = np.concatenate([self.seeds.reshape(-1, size), scattered])
+        drawn = scattered(problem, self.rng, 4 * ARCHIVE)
+        members = np.concatenate([self.seeds.reshape(-1, drawn.shape[1]), drawn])
         self.cost = problem.objective(members)
         self.evaluations = len(members)
         order = np.argsort(self.cost)[:ARCHIVE]

@@ -19,7 +19,7 @@ from motoremi.arrays import FloatArray, JsonDict, Progress
 from motoremi.data.covariance import LEAST_SHARE, ROUGH_SHARE, Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.fitting import wandering
-from motoremi.fitting.aco_r import Colony
+from motoremi.fitting.aco_r import Colony, scattered
 from motoremi.fitting.marginal import NOTHING_LEFT, SMALLEST, Marginal, marginal
 from motoremi.fitting.observed import OUT_OF_SIGHT
 from motoremi.fitting.polish import Polished, Precision, polish, sharpened
@@ -39,6 +39,10 @@ ROUNDS = 3
 WORTH_A_ROUND = 0.05
 # Of the residual `log`.
 ROUGH = Precision(1e-7, 1e-4)
+# Start values drawn from the whole ranges if there is only the open-circuit sweep, from which none are computed: it does not show what belongs to
+# the winding and what to the path to the frame, and has many minima. Of five motors with an effect the ants alone missed the least error of two, by
+# a factor of 1.2 and of 15; 300 starts found all, in 0.3 s.
+SCATTERED = 300
 # When a polish by the likelihood has converged as far as its sizes are concerned.
 CLOSE = Precision(0.05, 1e-4)
 # First damping close to the solution, where the linear model is valid.
@@ -342,6 +346,8 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
     """The paper's circuit: start values from the data first, then rounds of ants until everything is described or a round gains nothing."""
     search, full = task.thinned(SEARCH_POINTS), task.thinned(None)
     seeds = search.vectors(data_driven_starts(task.measurement.coarse))
+    open_alone = task.measurement.terminations == ("open",)
+    first = scattered(search, np.random.default_rng(seed), SCATTERED) if open_alone else seeds
     colony: Colony | None = None
     best: Solution | None = None
     searched: dict[str, float] = {}
@@ -354,9 +360,9 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
         if progress is not None:
             progress(f"ants, round {round_number}" if round_number else "start values from the data", round_number, ROUNDS + 1)
         if round_number == 0:
-            if not len(seeds):
+            if not len(first):
                 continue
-            candidates = seeds
+            candidates = first
         else:
             if colony is None:
                 colony = Colony(search, np.random.default_rng(seed), seeds)

@@ -45,7 +45,7 @@ EFFECTS = (
         title="relaxation of the insulation",
         formula="C * (1 + strength / (1 + (s / (2 * pi * corner_hz))**exponent))",
         parameters=(
-            Parameter("strength", "", 0.005, 5.0, "0.02 - 0.5 for slot insulation; damp material and layers above 1", usual=(0.02, 0.5)),
+            Parameter("strength", "", 0.005, 5.0, "0.02 - 0.5 for slot insulation, about 1 for PVC; damp layers above", usual=(0.02, 2.0)),
             Parameter("corner_hz", "Hz", 1e4, 60e6, "1 kHz - 10 MHz; below 10 kHz nothing shows in this band"),
             # Below a half a relaxation is as wide as the band, and hardly differs from a constant loss angle.
             Parameter(
@@ -57,7 +57,7 @@ EFFECTS = (
         signature="C drops across the corner frequency, tan delta is a bell",
         look_alikes=("dielectric-loss", "insulation-leakage", "range-step"),
         deciding="a second temperature (the corner moves, the strength stays), a sweep from 40 Hz",
-        source="Cole and Cole, J. Chem. Phys. 9 (1941) 341",
+        source="Cole and Cole, J. Chem. Phys. 9 (1941) 341; PVC: von Hippel, Dielectric Materials and Applications (1954), tables",
         change=scale("", materials.relaxation_factor),
         starts=tuple({"strength": d, "corner_hz": f, "exponent": 0.95} for d in (0.02, 0.15) for f in (2e5, 1e6, 4e6, 1.2e7)),
         reader=rational_starts.relaxing_rotor,
