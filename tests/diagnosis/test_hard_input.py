@@ -231,6 +231,41 @@ def test_a_layer_of_distributed_resistance_is_not_two_relaxations():
     assert found is not None
     assert found.verdict == "unexplained"
     assert not found.effects
+    # It may be two relaxations after all.
+    assert found.confidence <= 0.7
+    assert any("not in the catalogue" in reason for reason in found.reasons)
+
+
+@pytest.mark.parametrize(("contact_ohm", "said"), [(6.0, True), (0.0, False)])
+def test_a_contact_in_both_sweeps_is_told_from_leads(contact_ohm, said):
+    rng, frequency = np.random.default_rng(4), grid(201)
+    in_series = contact_ohm + (0.0 if said else 2j * np.pi * frequency * 150e-9)
+    sweeps = [
+        me.ImpedanceSweep(name, frequency, (impedance(DAMPED, name, frequency) + in_series) * (1 + 1e-4 * complex_normal(rng, 201)))
+        for name in ("short", "open")
+    ]
+    with seeking({*FEW, "contact-resistance", "brush-contact"}):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="none"))
+    assert found.effects == ("lead-inductance",)
+    assert any("a bad contact" in reason for reason in found.reasons) == said
+    assert found.best.parameters["lead-inductance.resistance_ohm"] == pytest.approx(contact_ohm, abs=0.05)
+
+
+def test_a_shorted_turn_of_thin_wire_is_named():
+    """60 mm of wire of 0.2 mm: 33 mOhm, and 60 nH without iron, the resistance of a secondary coil that takes a tenth of the flux."""
+    rng, frequency = np.random.default_rng(4), grid(201)
+    s, share, corner = 2j * np.pi * frequency, 0.1, 33e-3 / 60e-9
+    branch = DAMPED["Ra"] + s * DAMPED["La"] * (1 - share * s / (s + corner))
+    winding = 1 / (1 / branch + s * DAMPED["Ca"])
+    frame = impedance(DAMPED, "open", frequency) - impedance(DAMPED, "short", frequency)
+    sweeps = [
+        me.ImpedanceSweep(name, frequency, z * (1 + 1e-4 * complex_normal(rng, 201)))
+        for name, z in (("short", winding), ("open", winding + frame))
+    ]
+    with seeking({*FEW, "shorted-turn", "rotor-cage", "permeability-relaxation", "proximity-effect", "skin-effect"}):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="none"))
+    assert len(found.effects) == 1
+    assert "shorted-turn" in {*found.effects, *(name for family in found.families for name in family)}
 
 
 def test_a_contact_of_an_ohm_is_named_though_little_is_left():
