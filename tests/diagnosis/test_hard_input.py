@@ -259,8 +259,7 @@ def test_a_shorted_turn_of_thin_wire_is_named():
     winding = 1 / (1 / branch + s * DAMPED["Ca"])
     frame = impedance(DAMPED, "open", frequency) - impedance(DAMPED, "short", frequency)
     sweeps = [
-        me.ImpedanceSweep(name, frequency, z * (1 + 1e-4 * complex_normal(rng, 201)))
-        for name, z in (("short", winding), ("open", winding + frame))
+        me.ImpedanceSweep(name, frequency, z * (1 + 1e-4 * complex_normal(rng, 201))) for name, z in (("short", winding), ("open", winding + frame))
     ]
     with seeking({*FEW, "shorted-turn", "rotor-cage", "permeability-relaxation", "proximity-effect", "skin-effect"}):
         found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="none"))
