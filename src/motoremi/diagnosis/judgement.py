@@ -479,8 +479,15 @@ def _leaves_less(before: Candidate, after: Candidate) -> bool:
 
 
 def _comes_closer(before: Candidate, after: Candidate) -> bool:
-    """Whether it halves an error that noise and specification do not account for."""
-    return before.fit.rms_error_percent > before.fit.floor_percent and after.fit.rms_error_percent <= HALF * before.fit.rms_error_percent
+    """Whether it halves an error that noise and specification do not account for.
+
+    Near a sharp resonance of a sound motor the error can exceed what they leave on average, and errors within the specification describe it; then
+    the odds must be large too.
+    """
+    fit = before.fit
+    closer = fit.rms_error_percent > fit.floor_percent and after.fit.rms_error_percent <= HALF * fit.rms_error_percent
+    accounted_for = acceptance_of(fit, fit) != "not" and fit.analyser_sigma <= SPECIFIED_SIGMA
+    return closer and (not accounted_for or after.score - before.score > ENOUGH_GAIN)
 
 
 def _relieves(before: Candidate, after: Candidate) -> bool:

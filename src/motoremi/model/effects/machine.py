@@ -178,7 +178,7 @@ EFFECTS = (
         name="frame-eddy",
         group="rotor",
         kin="frame-loss",
-        title="eddy currents in the core and frame that the common-mode current returns through",
+        title="eddy currents and skin effect in core, frame and shaft, through which the common-mode current returns",
         formula="s * Lr * (1 - share + share * tanh(x) / x), x = sqrt(s / (pi * corner_hz))",
         parameters=(
             Parameter("share", "", 0.05, 0.95, "share of Lr whose flux lies in laminations and frame"),
