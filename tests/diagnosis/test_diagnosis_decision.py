@@ -67,6 +67,14 @@ def test_unusual_values_are_not_accepted_if_another_law_errs_as_little(error_of_
     assert judgement.families == {"field-coupling": ()}
 
 
+@pytest.mark.parametrize(("gain", "error_percent", "sigma", "named"), [(12.4, 1.1, 1.4, False), (40.0, 1.1, 1.4, True), (12.4, 1.1, 5.0, True)])
+def test_an_error_near_a_resonance_that_the_analyser_accounts_for_needs_large_odds(gain, error_percent, sigma, named):
+    """A sound motor of an independent generator: a little more than noise and specification leave on average, and 0.05 % beyond both."""
+    found = of(model((), 0.0, error_percent, 0.049, (), sigma), model(("field-coupling",), gain, 0.4, 0.045, (), sigma))
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.named == (("field-coupling",) if named else ())
+
+
 def air_coil(core_share_is_usual: bool) -> Judgement:
     """Of five turns: a core of which 6 % relaxes describes it alone, skin effect beside two others; an analyser that nobody named."""
     unusual = () if core_share_is_usual else ("permeability-relaxation.share",)
