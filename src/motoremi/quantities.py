@@ -27,6 +27,9 @@ def parse(text: str | float | int, unit: str) -> float:
     """
     if isinstance(text, bool):
         raise BadInput(f"expected a quantity in {unit}, got {text}")
+    if "," in str(text):
+        # QuantiPhy would leave it out.
+        raise BadInput(f"{str(text)!r} has a comma: write decimals with a point and thousands without a separator, for example '2.3 Ohm'")
     try:
         # QuantiPhy reads "M" as mega and "m" as milli, as SI does; "Ohm" is the field's spelling of Ω.
         quantity = Quantity(str(text).replace("Ω", "Ohm").replace("ohm", "Ohm"))

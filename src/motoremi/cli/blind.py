@@ -35,7 +35,7 @@ def challenge_(
 ) -> None:
     """Make a sealed session whose motor may hide something, or open the seal and score the answer."""
     from motoremi.blind.challenge import make_challenge, reveal
-    from motoremi.cli.output import emit_json, say
+    from motoremi.cli.output import emit_json, quoted, say
     from motoremi.model.effects import find_effect
 
     if (out is None) == (opened is None):
@@ -47,7 +47,7 @@ def challenge_(
         if as_json:
             emit_json({"schema": "motoremi.challenge/1", "session": str(out)})
         else:
-            say(f"session: {out}\nnext: motoremi diagnose {out}, then motoremi challenge --reveal {out}")
+            say(f"session: {out}\nnext: motoremi diagnose {quoted(out)}, then motoremi challenge --reveal {quoted(out)}")
         return
     assert opened is not None
     for name in answer or []:

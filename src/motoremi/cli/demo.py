@@ -173,7 +173,7 @@ def _story(found: JsonDict, base: Fit, last: Fit) -> None:
     for span in found["where"]:
         say(
             f"  it fails in the {span['sweep']}-circuit sweep, {show_band(*span['band_hz'])}: {span['rms_error_percent']:.3g} %, "
-            f"{100 * span['share']:.0f} % of the squared error"
+            f"{100 * span['share']:.0f} % of the squared error beyond the uncertainty"
         )
     say(f"Diagnosis: {found['verdict']}, {in_words(found)}; confidence {found['confidence']:.2f}")
     for reason in found["reasons"]:

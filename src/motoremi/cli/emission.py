@@ -34,7 +34,7 @@ def predict_(
     as_json: AsJson = False,
 ) -> None:
     """Predict the spectrum at the LISN from source and fitted motor; compare it with the measured one and the limit; FAIL is exit status 1."""
-    from motoremi.cli.output import emit_json, say
+    from motoremi.cli.output import emit_json, quoted, say
     from motoremi.workflow import opened
     from motoremi.workflow_emission import predict_session
 
@@ -51,7 +51,7 @@ def predict_(
         for remark in result.remarks():
             say(f"note: {remark}")
         if result.spectra and result.predicted_dbuv:
-            say(f"next: motoremi diagnose {path} --emission")
+            say(f"next: motoremi diagnose {quoted(path)} --emission")
     raise typer.Exit(1 if result.verdict == "fail" else 0)
 
 
@@ -83,7 +83,7 @@ def limits_(
 def diagnose_spectra(path: Path, from_base: bool, as_json: bool) -> None:
     """`motoremi diagnose SESSION --emission`."""
     from motoremi.cli.bars import progress_bars
-    from motoremi.cli.output import emit_json, say
+    from motoremi.cli.output import emit_json, quoted, say
     from motoremi.workflow import opened
     from motoremi.workflow_emission import diagnose_emission_session
 
@@ -100,7 +100,7 @@ def diagnose_spectra(path: Path, from_base: bool, as_json: bool) -> None:
             f"    {name:20s} p {result.probabilities[name]:<9.3g} chi2 {candidate.fit.chi2_reduced:<8.3g} error {candidate.fit.rms_error_db:.2f} dB"
         )
     if result.effects:
-        say(f"next: motoremi add {path} {' '.join(result.effects)}")
+        say(f"next: motoremi add {quoted(path)} {' '.join(result.effects)}")
 
 
 def show_emission_step(before: EmissionFit, after: EmissionFit, as_json: bool) -> None:

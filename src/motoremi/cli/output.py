@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
+from pathlib import Path
 from typing import Any
 
 from motoremi.data.plain import plain
@@ -18,3 +20,8 @@ def emit_json(document: Any) -> None:
 def say(text: str = "") -> None:
     """Print text, with control characters made visible."""
     sys.stdout.write("\n".join(clean_text(line) for line in text.splitlines()) + "\n")
+
+
+def quoted(path: Path) -> str:
+    """A path as a shell takes it, for a command that is proposed."""
+    return shlex.quote(str(path))

@@ -96,7 +96,7 @@ def import_(
     as_json: AsJson = False,
 ) -> None:
     """Make a session from files, or add files to a session."""
-    from motoremi.cli.output import emit_json, say
+    from motoremi.cli.output import emit_json, quoted, say
     from motoremi.data.conditions import parse_condition, parse_value
     from motoremi.data.corrections import NO_CORRECTIONS
     from motoremi.data.files import read_spectra
@@ -158,7 +158,7 @@ def import_(
         say(f"note: {remark}")
     if verdict is not None:
         say(f"verdict: {verdict['says']}")
-    say(f"session: {out}" + (f"\nnext: motoremi fit {out}" if sweeps else ""))
+    say(f"session: {out}" + (f"\nnext: motoremi fit {quoted(out)}" if sweeps else ""))
     raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
 
 
@@ -174,7 +174,7 @@ def _not_named(sweeps: Sequence[ImpedanceSweep]) -> str:
 
 
 def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
-    from motoremi.cli.output import emit_json, say
+    from motoremi.cli.output import emit_json, quoted, say
 
     if as_json:
         emit_json(
@@ -202,7 +202,7 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
         say(f"value {one}")
     for remark in added.caveats:
         say(f"note: {remark}")
-    say(f"next: motoremi diagnose {session}")
+    say(f"next: motoremi diagnose {quoted(session)}")
 
 
 def _units(given: list[str]) -> dict[str, str]:
@@ -302,7 +302,7 @@ def fit_(
     as_json: AsJson = False,
 ) -> None:
     """Fit the last model of the session's ladder; at first the paper's circuit."""
-    from motoremi.cli.output import emit_json, say
+    from motoremi.cli.output import emit_json, quoted, say
     from motoremi.data.session import load
     from motoremi.investigation.next_measurement import next_measurement
     from motoremi.quantities import error_bar, show
@@ -325,7 +325,7 @@ def fit_(
             say(f"  the data do not determine {name}: {result.interval(name)}")
     if result.undetermined():
         say(f"  measure next: {next_measurement(result)['why']}")
-    say(f"next: motoremi diagnose {path}")
+    say(f"next: motoremi diagnose {quoted(path)}")
 
 
 def _bound(text: str) -> tuple[str, tuple[float, float]]:
@@ -356,12 +356,15 @@ def _held(text: str, model: Motor) -> tuple[str, float]:
 
 def compare_(
     path: SessionPath,
-    error_percent: Annotated[float | None, typer.Option(help="Largest error allowed, in percent.")] = None,
-    magnitude_db: Annotated[float | None, typer.Option(help="Largest error of magnitude allowed, in dB.")] = None,
-    phase_deg: Annotated[float | None, typer.Option(help="Largest error of phase allowed, in degrees.")] = None,
+    error_percent: Annotated[float | None, typer.Option(help="Largest error allowed beyond the measurement's uncertainty, in percent.")] = None,
+    magnitude_db: Annotated[float | None, typer.Option(help="Largest error of magnitude allowed, in dB; likewise.")] = None,
+    phase_deg: Annotated[float | None, typer.Option(help="Largest error of phase allowed, in degrees; likewise.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare model and measurement: error per sweep and band, where it fails, PASS or FAIL. Without a tolerance: the last one, at first 10 %."""
+    """Compare model and measurement: error per sweep and band, where it fails, PASS or FAIL.
+
+    A point fails if its error is beyond a tolerance and beyond the measurement's own uncertainty. Without a tolerance: the last one, at first 10 %.
+    """
     from motoremi.cli.output import emit_json, say
     from motoremi.inspection.compare import Tolerance
     from motoremi.workflow import compare_session, opened
@@ -386,8 +389,9 @@ def diagnose_(
     """Find the missing physical effect: evidence, effects that cannot be distinguished, next measurement."""
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.emission import diagnose_spectra
-    from motoremi.cli.output import emit_json, say
+    from motoremi.cli.output import emit_json, quoted, say
     from motoremi.model.effects.names import as_sum
+    from motoremi.quantities import show_band
     from motoremi.workflow import diagnose_session, opened
 
     if emission:
@@ -401,15 +405,15 @@ def diagnose_(
     say(repr(result))
     _say_findings(result)
     for span in result.where:
-        low, high = span["band_hz"]
-        say(f"  fails: {span['sweep']} {low:.4g} - {high:.4g} Hz, {100 * span['share']:.0f} % of the squared error")
+        share = f"{100 * span['share']:.0f} % of the squared error beyond the uncertainty"
+        say(f"  fails: {span['sweep']} {show_band(*span['band_hz'])}, {share}")
     say("  evidence of single effects (best first):")
     for candidate in result.candidates[:6]:
         say(f"    {candidate.effect:28s} p {result.probabilities[candidate.effect]:<9.3g} {_errors(candidate.fit)}  {candidate.describe()}")
     if len(result.effects) > 1:
         say(f"  together: {as_sum(result.effects)}  {_errors(result.best)}")
     if result.effects:
-        say(f"next: motoremi add {path} {' '.join(result.effects)}")
+        say(f"next: motoremi add {quoted(path)} {' '.join(result.effects)}")
 
 
 def _errors(fit: Fit) -> str:

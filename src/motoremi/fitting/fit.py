@@ -120,6 +120,8 @@ def fit(
     paper_names = {p.name for p in BASE_PARAMETERS}
     base_bounds = {n: b for n, b in limits.items() if n in paper_names}
     base_held = {n: v for n, v in fixed.items() if n in paper_names}
+    if set().union(*(base.used_parameters(t) for t in measurement.terminations)) <= base_held.keys():
+        raise BadInput("all elements that these sweeps show are held, so nothing is left to fit: leave one of them free")
     task = Task(base, measurement, base_bounds, base_held)
     result = _by_the_paper(task, seed) if method == "paper" else _by_ants(task, seed, progress)
     for effect in motor.effects:

@@ -98,7 +98,7 @@ class Comparison:
     bands : tuple of dict
         Error per sweep and band.
     where : tuple of dict
-        Spans that hold most of the squared error, worst first.
+        Spans that hold most of the squared error beyond the uncertainty, worst first.
     passed : bool
     """
 
@@ -157,7 +157,7 @@ class Comparison:
         lines += ["  {:6s} {:22s} rms {:>9s}  max {:>9s}  {:>10s}  {}".format(*line) for line in self._lines()]
         for span in self.where:
             text = show_band(*span["band_hz"])
-            lines.append(f"  fails most: {span['sweep']} {text}, {100 * span['share']:.0f} % of the squared error")
+            lines.append(f"  fails most: {span['sweep']} {text}, {100 * span['share']:.0f} % of the squared error beyond the uncertainty")
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:

@@ -58,7 +58,7 @@ def _before(base: Fit) -> list[Line]:
 def spans(where: Sequence[JsonDict], most: int = 3) -> str:
     """The spans where a model fails, in words."""
     found = [f"{span['sweep']} {show_band(*span['band_hz'])} ({100 * span['share']:.0f} %)" for span in where[:most]]
-    return f"{'; '.join(found)} of the squared error" if found else "nowhere beyond the uncertainty"
+    return f"{'; '.join(found)} of the squared error beyond the uncertainty" if found else "nowhere beyond the uncertainty"
 
 
 def _diagnosis_lines(diagnosis: JsonDict) -> list[Line]:

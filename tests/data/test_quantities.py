@@ -1,0 +1,20 @@
+"""Quantities as engineers write them."""
+
+from __future__ import annotations
+
+import pytest
+
+from motoremi.errors import BadInput
+from motoremi.quantities import parse, parse_band
+
+
+@pytest.mark.parametrize("text", ["2,3 Ohm", "2,3", "1,000 Ohm", "1.000,5 Ohm"])
+def test_a_comma_is_refused(text: str) -> None:
+    """Left out, as QuantiPhy does it, a decimal comma makes a value ten times as large or more."""
+    with pytest.raises(BadInput, match="has a comma: write decimals with a point"):
+        parse(text, "Ohm")
+
+
+def test_so_it_is_in_a_band() -> None:
+    with pytest.raises(BadInput, match="has a comma"):
+        parse_band("0,15MHz:3,5MHz")
