@@ -21,7 +21,7 @@ mp.mp.dps = 60
 STEP = mp.mpf(10) ** -20
 ELEMENTS = ("Ra", "La", "Ca", "Rr", "Lr", "Cr", "Cf")
 RANGES = {
-    "lead-inductance": {"resistance_ohm": ("1e-3", "20"), "inductance_h": ("1e-9", "5e-6"), "skin_ohm": ("1e-4", "3")},
+    "lead-inductance": {"resistance_ohm": ("1e-3", "5"), "inductance_h": ("15e-9", "5e-6"), "skin_ohm": ("1e-4", "3")},
     "terminal-capacitance": {"capacitance_f": ("0.8e-12", "400e-12"), "tan_delta": ("1e-4", "0.1")},
     "core-loss": {"resistance_ohm": ("30", "100e3")},
     "eddy-laminations": {"share": ("0.01", "0.999"), "corner_hz": ("300", "1e6")},

@@ -236,21 +236,6 @@ def test_a_layer_of_distributed_resistance_is_not_two_relaxations():
     assert any("not in the catalogue" in reason for reason in found.reasons)
 
 
-@pytest.mark.parametrize(("contact_ohm", "said"), [(6.0, True), (0.0, False)])
-def test_a_contact_in_both_sweeps_is_told_from_leads(contact_ohm, said):
-    rng, frequency = np.random.default_rng(4), grid(201)
-    in_series = contact_ohm + (0.0 if said else 2j * np.pi * frequency * 150e-9)
-    sweeps = [
-        me.ImpedanceSweep(name, frequency, (impedance(DAMPED, name, frequency) + in_series) * (1 + 1e-4 * complex_normal(rng, 201)))
-        for name in ("short", "open")
-    ]
-    with seeking({*FEW, "contact-resistance", "brush-contact"}):
-        found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="none"))
-    assert found.effects == ("lead-inductance",)
-    assert any("a bad contact" in reason for reason in found.reasons) == said
-    assert found.best.parameters["lead-inductance.resistance_ohm"] == pytest.approx(contact_ohm, abs=0.05)
-
-
 def test_a_shorted_turn_of_thin_wire_is_named():
     """60 mm of wire of 0.2 mm: 33 mOhm, and 60 nH without iron, the resistance of a secondary coil that takes a tenth of the flux."""
     rng, frequency = np.random.default_rng(4), grid(201)

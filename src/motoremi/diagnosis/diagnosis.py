@@ -61,8 +61,6 @@ Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument
 
 # About 3 cm of wire: leads may differ by as much between the two sweeps.
 SHORT_STRAP_H = 30e-9
-# A metre of wire of 0.2 mm has half an ohm: with more than that a contact is bad.
-LEADS_OHM = 0.5
 # Largest number of names in a family; the probability of further members is subtracted from the confidence.
 LARGEST_FAMILY = 6
 # Serious findings for which the verdict is `data` if no model is accepted.
@@ -556,11 +554,6 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         said.append(
             f"a strap of {show(strap_h, 'H')} is so short that leads which were longer in the open-circuit sweep have the same impedance: measure "
             "both sweeps with the same leads, in the same positions"
-        )
-    if (contact_ohm := best.parameters.get("lead-inductance.resistance_ohm", 0.0)) > LEADS_OHM and "lead-inductance" in named:
-        said.append(
-            f"{show(contact_ohm, 'Ohm')} in series with the sweeps is more than leads have: a bad contact at a clip, a terminal or the brushes; "
-            "clean it, or measure with four wires"
         )
     if (unusual := judgement.unusual_instead) is not None:
         values = ", ".join(unusual.unusual or unusual.at_bound)

@@ -58,8 +58,8 @@ EFFECTS = (
         title="inductance and resistance of the leads",
         formula="Z + resistance_ohm + s * inductance_h + skin_ohm * sqrt(2 * s / (2 * pi * 1e6))",
         parameters=(
-            Parameter("resistance_ohm", "Ohm", 1e-3, 20.0, "1 - 50 mOhm; thin wire more, a bad contact some ohms", usual=(1e-3, 10.0)),
-            Parameter("inductance_h", "H", 1e-9, 5e-6, "0.7 - 1.3 nH a millimetre; a contact to 2 m, a long cable more", usual=(1e-9, 2e-6)),
+            Parameter("resistance_ohm", "Ohm", 1e-3, 5.0, "1 - 50 mOhm; thin wire of a metre more", usual=(1e-3, 0.5)),
+            Parameter("inductance_h", "H", 15e-9, 5e-6, "0.7 - 1.3 nH a millimetre; 20 mm to 2 m, a long cable more", usual=(15e-9, 2e-6)),
             _SKIN,
         ),
         limit="resistance_ohm, inductance_h, skin_ohm -> 0",
