@@ -237,7 +237,7 @@ def test_a_layer_of_distributed_resistance_is_not_two_relaxations():
 
 
 def test_a_shorted_turn_of_thin_wire_is_named():
-    """60 mm of wire of 0.2 mm: 33 mOhm, and 60 nH without iron, the resistance of a secondary coil that takes a tenth of the flux."""
+    """60 mm of wire of 0.2 mm: 33 mOhm and, without iron, 60 nH; a tenth of the winding's flux goes through it."""
     rng, frequency = np.random.default_rng(4), grid(201)
     s, share, corner = 2j * np.pi * frequency, 0.1, 33e-3 / 60e-9
     branch = DAMPED["Ra"] + s * DAMPED["La"] * (1 - share * s / (s + corner))

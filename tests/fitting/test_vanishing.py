@@ -15,18 +15,16 @@ from motoremi.diagnosis.ladder_step import ladder_step
 from motoremi.fitting.fit import followed, trail_to
 from motoremi.fitting.result import restore
 from motoremi.model.circuit import Tape
-from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.effects import add_effects
 from motoremi.workbench import desk
 from motoremi.workbench.desk import Desk
-
-AT_VANISHING_H = find_effect("suppressor-choke").effect.limit_values["inductance_h"]
 
 
 @pytest.fixture(scope="module")
 def ladder() -> list[me.Fit]:
     """Little noise, so that whatever is wrong is far above it."""
     steps = [me.fit(None, simulated_sweeps(7, ("eddy-laminations",), repeats=12)[0], analyser="4294a")]
-    for effect in ("eddy-laminations", "suppressor-choke", "dielectric-relaxation@Cf", "core-loss", "proximity-effect"):
+    for effect in ("eddy-laminations", "lead-inductance", "dielectric-relaxation@Cf", "core-loss", "proximity-effect"):
         steps.append(steps[-1].add(effect))
     return steps
 
@@ -42,15 +40,15 @@ def test_no_step_of_a_ladder_is_worse_than_the_one_before(ladder):
 @pytest.mark.slow
 def test_what_vanishes_is_held_and_told(ladder):
     before, after = ladder[1:3]
-    # A choke of 300 nH, the least of the catalogue, would be more than these sweeps have.
-    assert after.held["suppressor-choke.inductance_h"] == AT_VANISHING_H
+    # 15 nH of leads, the least of the catalogue, would be more than these sweeps have.
+    assert after.held["lead-inductance.inductance_h"] == 0.0
     assert {name: after.parameters[name] for name in before.parameters} == before.parameters
     assert (after.sigma["Ra"], after.log_evidence) == (pytest.approx(before.sigma["Ra"], rel=1e-3), before.log_evidence)
-    told = [text for text in after.warnings if text.startswith("suppressor-choke: ")]
+    told = [text for text in after.warnings if text.startswith("lead-inductance: ")]
     assert len(told) == 1
     assert "the error would rise from 0.33 to" in told[0]
-    assert not any(text.startswith("suppressor-choke: ") for text in before.warnings)
-    assert ladder_step(before, after).unneeded == ("suppressor-choke",)
+    assert not any(text.startswith("lead-inductance: ") for text in before.warnings)
+    assert ladder_step(before, after).unneeded == ("lead-inductance",)
 
 
 @pytest.mark.slow
@@ -59,10 +57,10 @@ def test_it_can_be_stored_dropped_and_stays_vanished(ladder):
     again = restore(after.to_dict(), after.measurement)
     assert (again.parameters, again.held, again.warnings) == (after.parameters, after.held, after.warnings)
     assert again.rms_error_percent == pytest.approx(after.rms_error_percent, rel=1e-9)
-    dropped = after.drop("suppressor-choke")
+    dropped = after.drop("lead-inductance")
     assert dropped.held == {}
     assert dropped.rms_error_percent == pytest.approx(before.rms_error_percent, rel=0.01)
-    assert ladder[-1].held["suppressor-choke.inductance_h"] == AT_VANISHING_H
+    assert ladder[-1].held["lead-inductance.inductance_h"] == 0.0
 
 
 @pytest.mark.slow

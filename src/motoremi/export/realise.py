@@ -195,10 +195,15 @@ class _Builder:
         left = 1 - sum(self._own(change)[0] for change in relaxing)
         if not relaxing or left <= 0:
             return None
+        known = dict(self.errors)
         cells = InSeries(tuple(self._relaxation(change) for change in relaxing))
         if len(changes) > len(relaxing):
             rest, whole = self._ladder_of(node, cells), self._ladder_of(node)
-            return InSeries((cells, self._fitted(rest))) if rest.error < whole.error else self._fitted(whole)
+            if rest.error < whole.error:
+                return InSeries((cells, self._fitted(rest)))
+            # The cells are not part of the network, nor are their errors.
+            self.errors = known
+            return self._fitted(whole)
         inductor = relaxing[0].child
         assert isinstance(inductor, Leaf)
         return InSeries((cells, Element("L", _word(inductor.name), left * self._own(inductor)[0])))
