@@ -20,6 +20,7 @@ from made_once import made_once
 from places import ROOT
 from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted_session, make_session, measuring_only, served, until
 
+from motoremi.data.paths import MANIFEST
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.data.text import clean_value
 from motoremi.workbench.desk import Desk
@@ -237,6 +238,16 @@ def test_pointing_leads_from_the_model_to_the_measurement(at):
     assert np.sqrt(np.mean((wanted_db - given_db) ** 2)) < 0.02 * np.sqrt(np.mean(wanted_db**2))
     assert told["after"]["error"] < told["before"]["error"]
     assert np.mean(error_percent**2) < 0.01 * np.mean(np.array(drawn[2]["series"][0]["values"]) ** 2)
+
+
+def test_a_session_read_just_before_it_is_closed_is_complete_afterwards(tmp_path):
+    folder = make_session(tmp_path / "one")
+    manifest = (folder / MANIFEST).read_bytes()
+    (folder / MANIFEST).unlink()
+    desk = Desk(folder)
+    assert desk.session.interrupted
+    (folder / MANIFEST).write_bytes(manifest)
+    assert not desk.session.interrupted
 
 
 def test_a_pointer_that_moved_on_is_not_waited_for(fitted):

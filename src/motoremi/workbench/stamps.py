@@ -1,4 +1,4 @@
-"""Names, modification times and sizes of a session's log and measured files, to notice any change."""
+"""Names, modification times and sizes of a session's log, manifest and measured files, to notice any change."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TypeAlias
 
-from motoremi.data.paths import SESSION
+from motoremi.data.paths import MANIFEST, SESSION
 
 # Without analyses: each is replaced just before the log records it, so for a moment the two differ without being damaged.
 FOLDERS = ("sweeps", "spectra")
@@ -25,7 +25,17 @@ def stamp_of(path: Path) -> Stamp:
         log = (path / SESSION).stat()
     except OSError:
         return ()
-    return ((SESSION, log.st_mtime_ns, log.st_size), *(one for folder in FOLDERS for one in _files(path / folder)))
+    files = [one for folder in FOLDERS for one in _files(path / folder)]
+    # The manifest is written last, after the log: it turns an interrupted session into a complete one.
+    return ((SESSION, log.st_mtime_ns, log.st_size), *_manifest(path), *files)
+
+
+def _manifest(path: Path) -> list[tuple[str, int, int]]:
+    try:
+        found = (path / MANIFEST).stat()
+    except OSError:
+        return []
+    return [(MANIFEST, found.st_mtime_ns, found.st_size)]
 
 
 def _files(folder: Path) -> list[tuple[str, int, int]]:
