@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motoremi.cli.options import AsJson, command, plot_file
+from motoremi.cli.options import AsJson, command, plot_file, save_plot
 
 if TYPE_CHECKING:
     from motoremi.emission.source_effects import SourceEffect
@@ -84,7 +84,7 @@ def _signature(session: Path, identifier: str, file: Path | None) -> Signature:
     with opened(session) as store:
         found = signature_on(store, first.get(identifier, identifier))
     if file is not None:
-        found.plot().savefig(file)
+        save_plot(found.plot(), file)
     return found
 
 

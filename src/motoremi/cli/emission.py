@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file
+from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file, save_plot
 
 if TYPE_CHECKING:
     from motoremi.emission.spectrum_fit import EmissionFit
@@ -43,7 +43,7 @@ def predict_(
     with opened(path) as store:
         result = predict_session(store, setup, limit, uncertainty_db, chain)
     if file is not None:
-        result.plot().savefig(file)
+        save_plot(result.plot(), file)
     if as_json:
         emit_json(result.to_dict())
     else:

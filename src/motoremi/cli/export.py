@@ -10,6 +10,8 @@ import typer
 from motoremi.cli.options import AsJson, SessionPath, command
 from motoremi.errors import BadInput
 
+TOUCHSTONE = (".s1p", ".z1p")
+
 
 def _file(name: str, text: str) -> Any:
     return typer.Option(name, metavar="FILE", help=text, show_default=False)
@@ -33,13 +35,18 @@ def export_(
 ) -> None:
     """Write the model or the data for other programs; several formats may be given at once."""
     from motoremi.cli.output import emit_json, say
+    from motoremi.data.output_file import check_output, write_output
     from motoremi.data.session import load
-    from motoremi.data.storage import write_whole
     from motoremi.workflow import ladder_of
     from motoremi.workflow_export import Exported, Exporter
 
     if all(file is None for file in (spice, spice_emission, touchstone, csv, hdf5, parquet)):
         raise BadInput("nothing to export: give --spice, --spice-emission, --touchstone, --csv, --hdf5 or --parquet with a FILE")
+    for file in (spice, spice_emission, touchstone, csv, hdf5, parquet):
+        if file is not None:
+            check_output(file)
+    if touchstone is not None and touchstone.suffix.lower() not in TOUCHSTONE:
+        raise BadInput(f"{touchstone}: the data of one port are written as {' or '.join(TOUCHSTONE)}")
     session = load(path)
     exporter = Exporter(session, next(iter(ladder_of(session)[-1:]), None))
     written: list[tuple[Path, Exported]] = []
@@ -54,7 +61,7 @@ def export_(
             written.append((file, make()))
     # All contents are computed before the first file is written.
     for file, made in written:
-        write_whole(file, made.data)
+        write_output(file, made.data)
     if as_json:
         document: dict[str, Any] = {"schema": "motoremi.files/1", "files": [str(file) for file, _ in written]}
         if spice is not None or spice_emission is not None:

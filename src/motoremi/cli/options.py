@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -9,9 +10,12 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+from motoremi.data.output_file import check_output, write_output
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from motoremi.data.corrections import Corrections
 
 SessionPath: TypeAlias = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.", show_default=False)]
@@ -30,13 +34,21 @@ def plot_file(path: Path) -> Path:
     Raises
     ------
     BadInput
-        For any other ending, or a folder that does not exist.
+        For any other ending, a folder that does not exist, or a file of a session's data.
     """
     if path.suffix.lower() not in (".svg", ".png", ".pdf"):
         raise BadInput(f"{path}: plots are written as .svg, .png or .pdf")
     if not path.parent.is_dir():
         raise BadInput(f"{path}: there is no folder {path.parent}")
+    check_output(path)
     return path
+
+
+def save_plot(figure: Figure, file: Path) -> None:
+    """Write a figure to such a file, whole or not at all."""
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format=file.suffix.lower()[1:])
+    write_output(file, drawn.getvalue())
 
 
 def corrections_of(path: Path) -> Corrections:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file
+from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file, save_plot
 from motoremi.errors import BadInput
 from motoremi.report.kinds import PLOTS, SECTIONS
 
@@ -448,7 +448,7 @@ def inspect_(
     with opened(path) as store:
         found = inspect_session(store, element)
     if file is not None:
-        found.plot().savefig(file)
+        save_plot(found.plot(), file)
     if as_json:
         emit_json(found.to_dict())
         return
@@ -671,7 +671,7 @@ def plot_(
     from motoremi.workflow_plots import figure_of
 
     file = plot_file(out if out is not None else Path(f"{what}.svg"))
-    figure_of(path, what, element, effect).savefig(file)
+    save_plot(figure_of(path, what, element, effect), file)
     if as_json:
         emit_json({"schema": "motoremi.files/1", "files": [str(file)]})
     else:

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from motoremi.data.output_file import write_output
 from motoremi.data.plain import plain
 from motoremi.data.spectrum import Spectrum
-from motoremi.data.storage import write_whole
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.table import read_key_value
 from motoremi.data.text import clean_text
@@ -23,10 +23,12 @@ def write_impedance_csv(path: str | Path, sweep: ImpedanceSweep) -> None:
 
     Raises
     ------
+    BadInput
+        If it is the name of a file of a session.
     StorageError
         If it cannot be written.
     """
-    write_whole(Path(path), impedance_csv(sweep).encode())
+    write_output(Path(path), impedance_csv(sweep).encode())
 
 
 def write_spectrum_csv(path: str | Path, spectrum: Spectrum) -> None:
@@ -34,10 +36,12 @@ def write_spectrum_csv(path: str | Path, spectrum: Spectrum) -> None:
 
     Raises
     ------
+    BadInput
+        If it is the name of a file of a session.
     StorageError
         If it cannot be written.
     """
-    write_whole(Path(path), spectrum_csv(spectrum).encode())
+    write_output(Path(path), spectrum_csv(spectrum).encode())
 
 
 def impedance_csv(sweep: ImpedanceSweep) -> str:

@@ -11,6 +11,8 @@ from motoremi.errors import BadInput
 SESSION = "session.jsonl"
 TRAFFIC = "traffic.jsonl"
 MANIFEST = "manifest.json"
+# Folders and files of what was measured: only the session writer writes them.
+RESERVED = {"sweeps", "spectra", "standards", "compensation", "analysis", SESSION, TRAFFIC, MANIFEST}
 # Names with a leading point are reserved for unfinished files; other characters are forbidden on some systems.
 _PART = re.compile(r"[A-Za-z0-9_@+=(),~ -][A-Za-z0-9_@+=(),~ .-]*")
 

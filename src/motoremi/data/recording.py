@@ -17,7 +17,7 @@ from motoremi.data.chain import FIRST, document_line, line_sha256, make_document
 from motoremi.data.conditions import SingleValue
 from motoremi.data.csvfiles import impedance_csv, spectrum_csv
 from motoremi.data.manifest import Manifest, list_files, manifest_text, record_bytes, record_file
-from motoremi.data.paths import MANIFEST, SESSION, TRAFFIC, inside
+from motoremi.data.paths import MANIFEST, RESERVED, SESSION, TRAFFIC, inside
 from motoremi.data.plain import to_line, to_page
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.storage import PENDING_SUFFIX, AppendFile, StorageError, as_storage_error, replacing, write_whole
@@ -33,8 +33,6 @@ Status = Literal["done", "failed", "interrupted"]
 STATUSES: tuple[Status, ...] = get_args(Status)
 Listener = Callable[[JsonDict], None]
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_@+.-]*")
-# Folders and files with a meaning of their own: `save_file` may not touch what was measured.
-_RESERVED = {"sweeps", "spectra", "standards", "compensation", "analysis", SESSION, TRAFFIC, MANIFEST}
 
 
 class SessionWriter:
@@ -199,7 +197,7 @@ class SessionWriter:
         BadInput
             If the name leaves the folder, is a link, or is reserved for measured data.
         """
-        if relative_path.split("/", 1)[0].casefold() in _RESERVED:
+        if relative_path.split("/", 1)[0].casefold() in RESERVED:
             raise BadInput(f"{clean_text(relative_path, 80)}: this name is reserved for the session itself; use another folder")
         return self._store("file", relative_path, data, {})
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -35,7 +36,7 @@ def as_storage_error(target: Path) -> Iterator[None]:
 def replacing(target: Path, data: bytes) -> Iterator[None]:
     """Write `data` to a file beside `target`, run the block, then rename the file to `target`.
 
-    If the block fails, `target` is unchanged.
+    If the block fails, `target` is unchanged. A file that is replaced passes on its permissions.
     """
     pending = target.with_name(f".{target.name}.{secrets.token_hex(4)}{PENDING_SUFFIX}")
     try:
@@ -45,6 +46,8 @@ def replacing(target: Path, data: bytes) -> Iterator[None]:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
+            with suppress(FileNotFoundError):
+                shutil.copymode(target, pending)
         yield
         with as_storage_error(target):
             os.replace(pending, target)
