@@ -179,7 +179,12 @@ def addition(
             raise BadInput(f"{sweep.metadata['source']}: its header states {sweep.condition}, but --condition is {condition}; correct one of them")
         own.append(sweep.under(condition or sweep.condition))
     refuse_impossible(own, options.analyser)
-    analyser = find_analyser(options.analyser).name if options.analyser is not None else session.sweeps[0].metadata.get("analyser")
+    analyser = session.sweeps[0].metadata.get("analyser")
+    if options.analyser is not None:
+        named = find_analyser(options.analyser).name
+        if own and analyser not in (None, named):
+            raise BadInput(f"the sweeps of {folder.name} are declared as those of {analyser}: sweeps of {named} need a session of their own")
+        analyser = named
     if analyser is not None:
         own = [sweep.with_metadata(analyser=analyser) for sweep in own]
     if standards := session.sweeps[0].metadata.get("compensated"):
@@ -187,7 +192,7 @@ def addition(
     corrected = [session.corrections.corrected_sweep(sweep) for sweep in own]
     everything = (*session.corrected_sweeps, *session.corrected_conditioned, *corrected)
     measurement = Measurement.of(everything, values=(*session.values, *values))
-    return Addition(tuple(own), tuple(values), tuple(_disagreeing(measurement, own)))
+    return Addition(tuple(own), tuple(values), (*measurement.copies(), *_disagreeing(measurement, own)))
 
 
 # Repeats that differ by more than this share of |Z|, rms, were not measured under the same condition.

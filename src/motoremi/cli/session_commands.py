@@ -27,13 +27,13 @@ def import_(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Session folder to make; with --append, the session to add to.", show_default=False)],
     append: Annotated[bool, typer.Option("--append", help="Add to a session: more repeats, sweeps under a condition, values.")] = False,
     condition: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--condition",
             metavar="ID[=VALUE]",
             help="What was set up for the appended sweeps: second-temperature=53degC, far-end-grounded.",
         ),
-    ] = "",
+    ] = None,
     value: Annotated[
         list[str] | None,
         typer.Option("--value", metavar="NAME=QUANTITY", help="A number from another meter: dc-resistance=21.3mohm+-0.1mohm; may be repeated."),
@@ -97,7 +97,7 @@ def import_(
 ) -> None:
     """Make a session from files, or add files to a session."""
     from motoremi.cli.output import emit_json, quoted, say
-    from motoremi.data.conditions import parse_condition, parse_value
+    from motoremi.data.conditions import parse_condition, parse_value, refuse_other_termination
     from motoremi.data.corrections import NO_CORRECTIONS
     from motoremi.data.files import read_spectra
     from motoremi.quantities import parse_band
@@ -106,17 +106,27 @@ def import_(
     values = [parse_value(text) for text in value or []]
     span, units = parse_band(band) if band else None, _units(unit or [])
     if append:
-        beside = {"--spectrum": spectrum, "--corrections": corrections, "--limit": limit}
+        beside = {
+            "--spectrum": spectrum,
+            "--corrections": corrections,
+            "--limit": limit,
+            "--motor": motor,
+            "--serial": serial,
+            "--operator": operator,
+            "--ambient": ambient,
+        }
         for name in (name for name, given in beside.items() if given):
             raise BadInput(f"{name} is for a new session: leave it out with --append")
-        under = parse_condition(condition) if condition else None
+        under = None if condition is None else parse_condition(condition)
+        if condition is not None:
+            refuse_other_termination(condition, bool(short), bool(open_))
         further = _sweeps(short or [], open_ or [], fixture, span, units)
         _check_units(units, further)
         added = addition(out, further, values, under, ImportOptions(analyser, band, accuracy, compensated=compensated))
         added.store(out)
         _show_addition(out, added, as_json)
         return
-    if condition:
+    if condition is not None:
         raise BadInput("--condition is for sweeps that are added to a session: import sweeps of the motor as it is first, then use --append")
     files = [*(short or []), *(open_ or []), *(spectrum or [])]
     if not files:

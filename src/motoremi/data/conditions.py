@@ -245,6 +245,14 @@ def parse_condition(text: str) -> Condition | None:
     return condition(name, _with_unit(name, given, setting))
 
 
+def refuse_other_termination(text: str, short: bool, open_: bool) -> None:
+    """Raise `BadInput` if a condition that asks for the sweep of one termination is given with sweeps of the other."""
+    for asked, other in (("short", open_), ("open", short)):
+        if text.strip() == f"{asked}-sweep" and other:
+            given = "open" if asked == "short" else "short"
+            raise BadInput(f"--condition {asked}-sweep asks for the {asked}-circuit sweep, and --{given} files were given: use --{asked} FILE...")
+
+
 def parse_value(text: str) -> SingleValue:
     """A single value as a person writes it: `dc-resistance=21.3mohm`, with an uncertainty `...+-0.1mohm` or `...+-0.5%`.
 

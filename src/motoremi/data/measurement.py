@@ -123,6 +123,12 @@ class Measurement:
         return tuple(sweep.termination for sweep in self.sweeps)
 
     @property
+    def on_the_same_frequencies(self) -> bool:
+        """Whether all sweeps were measured at the same frequencies."""
+        first = self.sweeps[0].frequency_hz
+        return all(sweep.frequency_hz.size == first.size and np.allclose(sweep.frequency_hz, first) for sweep in self.sweeps)
+
+    @property
     def done(self) -> frozenset[str]:
         """Measurements of the menu that these data contain: conditions and single values."""
         return frozenset({one.condition.id for one in self.conditioned} | {one.name for one in self.values})
@@ -179,9 +185,18 @@ class Measurement:
         ]
         return dataclasses.replace(self, noise=tuple(changed))
 
+    def copies(self) -> list[str]:
+        """Remarks on sweeps that were given more than once."""
+        return [
+            f"{sweep.copies + sweep.repeats} {sweep.termination} sweeps hold the readings of only {sweep.repeats}: a copy shows no noise and "
+            "is left out; a repeat is the measurement done once more"
+            for sweep in (*self.sweeps, *(one.sweep for one in self.conditioned))
+            if sweep.copies
+        ]
+
     def caveats(self) -> list[str]:
         """Remarks for the report about the noise and the sweeps."""
-        remarks = [self.remark] if self.remark else []
+        remarks = [*([self.remark] if self.remark else []), *self.copies()]
         for sweep, noise in zip(self.sweeps, self.noise, strict=True):
             if noise.source == "scatter":
                 remarks.append(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -26,6 +26,9 @@ Termination = Literal["short", "open"]
 TERMINATIONS: tuple[Termination, ...] = get_args(Termination)
 # Fewest points of a sweep: a fit of seven parameters needs more points than parameters to be judged.
 MINIMUM_POINTS = 8
+# Repeats of the analyser with the lowest noise at hand scatter by 6e-5: readings this close, relative to |Z|, are those of one measurement, in the
+# same file or in another format with fewer digits.
+SAME_READINGS = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,6 +269,8 @@ class RepeatedSweep:
     moved : ndarray, shape (4,), or None
         Standard deviation in one repeat of the R, L, G and C of leads that moved between the repeats, in SI units, widened because few repeats
         show it (`data.moved.student_factor`); `impedance_ohm` is then with the leads in their average position.
+    copies : int
+        Number of sweeps that were left out because they hold the readings of another one.
     """
 
     termination: Termination
@@ -274,6 +279,7 @@ class RepeatedSweep:
     sigma_relative: FloatArray | None
     counts: FloatArray | None = None
     moved: FloatArray | None = None
+    copies: int = 0
 
     @property
     def repeats(self) -> int:
@@ -306,8 +312,17 @@ def _unlike(first: ImpedanceSweep, other: ImpedanceSweep) -> str:
     return f"but differ by {100 * apart[worst]:.3g} % at point {worst + 1}"
 
 
+def _without_copies(repeats: Sequence[ComplexArray]) -> ComplexArray:
+    """The repeats whose readings are not those of an earlier one, shape (repeats, n)."""
+    kept: list[ComplexArray] = []
+    for one in repeats:
+        if not any(np.all(np.abs(one - other) <= SAME_READINGS * np.abs(other)) for other in kept):
+            kept.append(one)
+    return np.array(kept)
+
+
 def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
-    """Group the repeats of each termination; the short-circuit sweep comes first.
+    """Group the repeats of each termination; the short-circuit sweep comes first. A copy of a repeat counts once.
 
     Raises
     ------
@@ -333,7 +348,8 @@ def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
                 )
         stated = [member.sigma_relative for member in members if member.sigma_relative is not None]
         sigma = np.sqrt(np.mean(np.square(stated), axis=0)) if len(stated) == len(members) else None
-        groups.append(RepeatedSweep(termination, first.frequency_hz, np.array([m.impedance_ohm for m in members]), sigma))
+        repeats = _without_copies([member.impedance_ohm for member in members])
+        groups.append(RepeatedSweep(termination, first.frequency_hz, repeats, sigma, copies=len(members) - len(repeats)))
     if not groups:
         raise BadInput("no impedance sweep: give a short-circuit sweep, an open-circuit sweep, or better both")
     return groups

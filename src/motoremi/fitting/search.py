@@ -24,7 +24,7 @@ from motoremi.fitting.marginal import NOTHING_LEFT, SMALLEST, Marginal, marginal
 from motoremi.fitting.observed import OUT_OF_SIGHT
 from motoremi.fitting.polish import Polished, Precision, polish, sharpened
 from motoremi.fitting.problem import AS_DECLARED, Problem
-from motoremi.fitting.starts import data_driven_starts, frames_across_the_band
+from motoremi.fitting.starts import data_driven_starts, frames_across_the_band, starts_without_ca
 from motoremi.model.motor import Motor
 
 # Points a sweep for searching; the arrival uses all.
@@ -348,6 +348,8 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
     seeds = search.vectors(data_driven_starts(task.measurement.coarse))
     open_alone = task.measurement.terminations == ("open",)
     first = scattered(search, np.random.default_rng(seed), SCATTERED) if open_alone else seeds
+    if not task.measurement.on_the_same_frequencies:
+        first = search.vectors([*data_driven_starts(task.measurement.coarse), *starts_without_ca(task.measurement.coarse)])
     colony: Colony | None = None
     best: Solution | None = None
     searched: dict[str, float] = {}
@@ -387,10 +389,12 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
             best = found
         mean_square = float(np.mean(np.abs(full.deviation(full.vector(best.values))) ** 2))
         history.append({"evaluations": evaluations, "rms_deviation_percent": 100 * float(np.sqrt(mean_square))})
-        if best.sizes.discrepancy <= NOTHING_LEFT or (round_number > 0 and now > (1 - WORTH_A_ROUND) * before):
+        described = best.sizes.discrepancy <= NOTHING_LEFT and best.sizes.declared <= MOST_DECLARED
+        if described or (round_number > 0 and now > (1 - WORTH_A_ROUND) * before):
             break
     assert best is not None
-    if best.sizes.discrepancy > NOTHING_LEFT and task.measurement.analyser.by_waves and best.values.keys() >= {"Cr", "Cf", "Lr", "Rr"}:
+    hidden = not task.measurement.on_the_same_frequencies or (task.measurement.analyser.by_waves and best.sizes.discrepancy > NOTHING_LEFT)
+    if hidden and best.values.keys() >= {"Cr", "Cf", "Lr", "Rr"}:
         found = _frames_tried(task, best)
         evaluations += found.evaluations
         # If these leave an error too, something is missing in the circuit, and the one that errs least was chosen before.

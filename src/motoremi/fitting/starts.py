@@ -22,6 +22,8 @@ from motoremi.model.path_to_frame import frames
 FRAME_POINTS = 80
 # Frames are tried at so many places of the last one and a half decades of the band: neighbours are a factor of 1.6 apart.
 _PLACES, _DECADE_AND_HALF = 8, 30.0
+# Resonances of a winding that the short-circuit sweep does not show are tried at frequencies this factor apart, as far as a polish reaches.
+STEP = 1.07
 
 
 @lru_cache(maxsize=8)
@@ -45,11 +47,33 @@ def open_and_winding(measurement: Measurement) -> tuple[FloatArray, ComplexArray
         return None
     frequency, short = sweeps["short"]
     at, seen = sweeps["open"]
-    if at.size == frequency.size and np.allclose(at, frequency):
+    if measurement.on_the_same_frequencies:
         return at, seen, short
-    s = 2j * np.pi * at
+    return at, seen, _winding_ohm(at, winding)
+
+
+def _winding_ohm(frequency_hz: FloatArray, winding: Mapping[str, float]) -> ComplexArray:
+    s = 2j * np.pi * frequency_hz
     branch = winding["Ra"] + s * winding["La"]
-    return at, seen, branch / (1 + s * winding["Ca"] * branch)
+    return branch / (1 + s * winding["Ca"] * branch)
+
+
+def starts_without_ca(measurement: Measurement) -> list[dict[str, float]]:
+    """Start values for an open-circuit sweep that goes on above the short-circuit sweep, which then shows no Ca: one for each of many resonances
+    of the winding above it."""
+    winding, sweeps = _winding(measurement), {sweep.termination: sweep for sweep in measurement.sweeps}
+    if not winding or "open" not in sweeps:
+        return []
+    at, open_ohm, highest_hz = sweeps["open"].frequency_hz, sweeps["open"].mean_ohm, sweeps["short"].frequency_hz[-1]
+    count = int(np.ceil(np.log(at[-1] / highest_hz) / np.log(STEP)))
+    starts: list[dict[str, float]] = []
+    for resonance_hz in highest_hz * STEP ** np.arange(1, count + 1):
+        tried = {**winding, "Ca": 1 / ((2 * np.pi * resonance_hz) ** 2 * winding["La"])}
+        through_ohm = _winding_ohm(at, tried)
+        chosen = informative_points(at, open_ohm, FRAME_POINTS)
+        frame = Seen(frame_hz=at[chosen], open_ohm=open_ohm[chosen], through_ohm=through_ohm[chosen]).frame
+        starts += [{**tried, **elements} for elements in frames(*frame)] if frame is not None else []
+    return starts
 
 
 @lru_cache(maxsize=8)
