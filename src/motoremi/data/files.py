@@ -18,6 +18,7 @@ from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, REFLECTION, column_values, find_pair, impedance_of, reflection_of
+from motoremi.data.plausible import implausible
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
 from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, used_rows
@@ -282,7 +283,8 @@ def _origin(metadata: Mapping[str, Any], name: str, file_format: str) -> dict[st
 
 
 def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
-    noted = {key: list(texts) for key, texts in (("changes", rows.changes), ("warnings", rows.warnings)) if texts}
+    warnings = (*rows.warnings, *implausible(rows.frequency_hz, rows.impedance_ohm))
+    noted = {key: list(texts) for key, texts in (("changes", rows.changes), ("warnings", warnings)) if texts}
     return ImpedanceSweep(termination, rows.frequency_hz, rows.impedance_ohm, rows.sigma_relative, {**metadata, **noted})
 
 

@@ -28,6 +28,7 @@ from motoremi.diagnosis.findings import (
     of_the_sweeps,
     shows_nothing,
     the_same_twice,
+    wrong_phase_in,
 )
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
 from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, distributed, judge, of_the_analyser_alone
@@ -64,7 +65,9 @@ SHORT_STRAP_H = 30e-9
 # Largest number of names in a family; the probability of further members is subtracted from the confidence.
 LARGEST_FAMILY = 6
 # Serious findings for which the verdict is `data` if no model is accepted.
-ABOUT_THE_DATA = frozenset({"sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance"})
+ABOUT_THE_DATA = frozenset({"wrong-phase", "sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance"})
+# Findings that make the data useless whatever the model, and the kind of their verdict.
+CONTRADICTIONS = {"wrong-phase": "a phase that no passive part has", "sweeps-disagree": "the same sweep twice"}
 # Number of searches for outliers, each without those found before.
 LOOKS = 3
 # Sets of effects that are listed.
@@ -284,10 +287,10 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     """
     search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
     with own_processes() if map is None else nullcontext(map) as each:
-        if the_same_twice(fit.measurement) is not None:
+        if wrong_phase_in(fit.measurement) is not None or the_same_twice(fit.measurement) is not None:
             # No model will be accepted, unless the base or one effect makes both sweeps those of one motor; the others are ranked for display.
             alone = Declared(judge(fit, search, ONE_EFFECT, each))
-            if twice_in(fit.measurement, alone.judgement) is not None:
+            if contradiction_in(fit.measurement, alone.judgement) is not None:
                 return _informed(Searched(fit, alone), fit.measurement, each)
         first = judge(fit, search, each=each)
         under_others, last = part(progress, AGAIN, TOGETHER), part(progress, TOGETHER, 1.0)
@@ -301,10 +304,10 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     declared = searched.declared
     rivals = rivals_in(declared.judgement, measurement)
     judgement = informed(declared.judgement, rivals)
-    same = twice_in(searched.fit.measurement, declared.judgement)
-    left = None if judgement.accepted or same is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
-    findings = (*(() if same is None else (same,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
-    return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, same), searched=searched)
+    against = contradiction_in(searched.fit.measurement, declared.judgement)
+    left = None if judgement.accepted or against is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
+    findings = (*(() if against is None else (against,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
+    return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, against), searched=searched)
 
 
 def _cleaned(fit: Fit, first: Judgement, progress: Progress | None, each: Map) -> Judgement:
@@ -333,6 +336,11 @@ def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map
     if whole is None or whole.fit.rms_error_percent > most:
         return declared
     return dataclasses.replace(declared, judgement=dataclasses.replace(judgement, whole=whole))
+
+
+def contradiction_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
+    """The finding that makes the data useless, whatever the model: a phase that no passive part has, or one sweep under two names."""
+    return wrong_phase_in(measurement) or twice_in(measurement, judgement)
 
 
 def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
@@ -389,9 +397,9 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
 
 
 def _concluded(
-    judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None, rivals: Rivals, measurement: Measurement, same: Finding | None
+    judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None, rivals: Rivals, measurement: Measurement, against: Finding | None
 ) -> Diagnosis:
-    """The diagnosis for a judgement; if both sweeps are the same one, the verdict is `data`."""
+    """The diagnosis for a judgement; with a finding `against` the data the verdict is `data`."""
     question = next_question(rivals, measurement)
     base, belief = judgement.base, judgement.belief
     unknown = departs(rivals)
@@ -399,7 +407,7 @@ def _concluded(
     best = judgement.model if judgement.accepted else judgement.closest
     families = tuple((name, *judgement.families[name])[:LARGEST_FAMILY] for name in named if judgement.families[name])
     verdict: Verdict
-    if same is not None:
+    if against is not None:
         verdict = "data"
     elif unknown and judgement.accepted:
         verdict = "unexplained"
@@ -408,7 +416,7 @@ def _concluded(
     singles = [one for key, one in judgement.found.items() if len(key) == 1]
     inclusion = belief.inclusion
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
-    confidence = _confidence(judgement, verdict, named, families, findings) if same is None else RELIABLE["the same sweep twice"]
+    confidence = _confidence(judgement, verdict, named, families, findings) if against is None else RELIABLE[CONTRADICTIONS[against.id]]
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
         singles.sort(key=closeness)
@@ -430,7 +438,7 @@ def _concluded(
         where=compare(base).where,
         findings=findings,
         following=following,
-        reasons=(*(_reasons(judgement, verdict, named, families, validation) if same is None else (same.why,)), *reasons_of(rivals)),
+        reasons=(*(_reasons(judgement, verdict, named, families, validation) if against is None else (against.why,)), *reasons_of(rivals)),
         validation=validation if named or verdict == "unexplained" else {},
         left_over=left,
         rivals=rivals,

@@ -11,6 +11,7 @@ from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import measured_twice
 from motoremi.data.moved import student_factor
+from motoremi.data.plausible import SENTENCES, wrong_phase
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
@@ -240,6 +241,22 @@ def the_same_twice(measurement: Measurement) -> Finding | None:
         "for such a part",
         True,
     )
+
+
+def wrong_phase_in(measurement: Measurement) -> Finding | None:
+    """The finding that the phase of a sweep cannot be that of a passive part."""
+    for sweep in measurement.sweeps:
+        found = wrong_phase(sweep.frequency_hz, sweep.mean_ohm)
+        if found is not None:
+            return Finding(
+                "wrong-phase",
+                f"{sweep.termination} sweep: {SENTENCES[found]}",
+                "correct the sign or the unit of the reactance or phase in the file, and import it again",
+                True,
+                sweep.termination,
+                _span(sweep.frequency_hz),
+            )
+    return None
 
 
 def of_the_labels(measurement: Measurement) -> list[Finding]:

@@ -512,6 +512,9 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
     warnings = list(measurement.caveats())
     if not solution.converged and method != "paper":
         warnings.append("the fit did not converge: do not use its values")
+    # A model that has nothing in common with the data may need errors of the analyser without bounds.
+    with np.errstate(over="ignore"):
+        corrected_percent = _rms_percent(np.exp(-weighed.less_allowed_error(u, problem if averaged else None)) - 1)
     result = Fit(
         motor=problem.motor,
         measurement=measurement,
@@ -523,7 +526,7 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         chi2_reduced=(float(strict.objective(strict.vector(values))) + scatter) / (strict.degrees_of_freedom + 2 * (problem.size - strict.size)),
         rms_error_percent=plain_percent,
         rms_error_db=float(20 / np.log(10) * np.sqrt(np.mean(alone.real**2))),
-        corrected_error_percent=min(plain_percent, _rms_percent(np.exp(-weighed.less_allowed_error(u, problem if averaged else None)) - 1)),
+        corrected_error_percent=min(plain_percent, corrected_percent),
         analyser_sigma=weighed.analyser_sigma(u),
         noise_percent=measurement.noise_percent,
         floor_percent=measurement.floor_percent,

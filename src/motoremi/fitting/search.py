@@ -294,6 +294,8 @@ def rough(found: Marginal, problem: Problem, u: FloatArray) -> Marginal:
     """
     observed = problem.observed
     kept = observed.weight > 1 / OUT_OF_SIGHT
+    if not kept.any():
+        return found
     ends = np.cumsum([0, *(np.count_nonzero(kept[sweep]) for sweep in observed.slices.values())])
     sweeps = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     residual, systematic = problem.residual(u), 0.5 * observed.systematic**2

@@ -41,15 +41,12 @@ def data_driven_starts(measurement: Measurement) -> tuple[Mapping[str, float], .
 
 def open_and_winding(measurement: Measurement) -> tuple[FloatArray, ComplexArray, ComplexArray] | None:
     """Frequency in Hz, and in ohms the open-circuit sweep and the winding's share of it; None where it is not known."""
-    sweeps = {sweep.termination: (sweep.frequency_hz, sweep.mean_ohm) for sweep in measurement.sweeps}
+    sweeps = {sweep.termination: sweep for sweep in measurement.sweeps}
     winding = _winding(measurement)
     if not winding or "open" not in sweeps:
         return None
-    frequency, short = sweeps["short"]
-    at, seen = sweeps["open"]
-    if measurement.on_the_same_frequencies:
-        return at, seen, short
-    return at, seen, _winding_ohm(at, winding)
+    at = sweeps["open"].frequency_hz
+    return at, sweeps["open"].mean_ohm, sweeps["short"].mean_ohm if measurement.on_the_same_frequencies else _winding_ohm(at, winding)
 
 
 def _winding_ohm(frequency_hz: FloatArray, winding: Mapping[str, float]) -> ComplexArray:

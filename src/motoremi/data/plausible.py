@@ -1,0 +1,87 @@
+"""Whether the values of a sweep can be the impedance of a passive part: phase against the slope of |Z|, and the size of |Z|.
+
+The impedance of a passive part is a minimum-phase function, so that the phase follows from the slope of ln|Z| over ln f (H. W. Bode, Network
+Analysis and Feedback Amplifier Design, 1945, chapter 14): about 90 degrees for each unit of slope, with the same sign.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.quantities import show
+
+WrongPhase: TypeAlias = Literal["wrong sign", "radians"]
+# Slopes are cut off at those of an L and a C: in a sharp resonance they are much larger, while the phase is not.
+STEEPEST = 1.0
+# Rms slope below which a sweep shows too little of a phase (a resistor).
+LEAST_SLOPE = 0.3
+# Correlation of phase and slope: 0.67 to 1 in 90 sweeps of real parts (windings, cores, coils, cables, loudspeakers), -1 with the wrong sign.
+ALIKE = 0.5
+# Phase for each unit of slope, relative to 90 degrees: 0.2 to 1 in the same sweeps, 1/57 for radians that are called degrees.
+LEAST_PHASE = 0.05
+# |Z| of a sweep is doubtful if no point lies between these: 10 nH have 2 Ohm at 30 MHz, 1 pF has 1 MOhm at 150 kHz.
+LEAST_OHM, MOST_OHM = 0.05, 50e6
+
+
+class PhaseAgainstSlope(NamedTuple):
+    """How the phase of a sweep follows the slope of |Z|.
+
+    Parameters
+    ----------
+    slope : float
+        Rms of the slope, cut off at `STEEPEST`.
+    correlation : float
+        Of phase and slope, over ln f.
+    share : float
+        Phase for each unit of slope, relative to 90 degrees.
+    """
+
+    slope: float
+    correlation: float
+    share: float
+
+
+def phase_against_slope(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> PhaseAgainstSlope:
+    """The figures of one sweep; shapes (n,), frequencies increasing, impedances not zero."""
+    place = np.log(frequency_hz)
+    slope = np.clip(np.gradient(np.log(np.abs(impedance_ohm)), place), -STEEPEST, STEEPEST)
+    phase = np.angle(impedance_ohm) / (np.pi / 2)
+    weight = np.gradient(place)
+    both, of_slope, of_phase = (float(weight @ product) for product in (slope * phase, slope**2, phase**2))
+    if not (of_slope > 0 and of_phase > 0):
+        return PhaseAgainstSlope(0.0, 0.0, 0.0)
+    return PhaseAgainstSlope(float(np.sqrt(of_slope / weight.sum())), both / float(np.sqrt(of_slope * of_phase)), both / of_slope)
+
+
+def wrong_phase(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> WrongPhase | None:
+    """What is wrong with the phase of a sweep; None for a possible one, and where |Z| hardly changes."""
+    found = phase_against_slope(frequency_hz, impedance_ohm)
+    if found.slope < LEAST_SLOPE:
+        return None
+    if found.correlation < -ALIKE:
+        return "wrong sign"
+    return "radians" if found.correlation > ALIKE and found.share < LEAST_PHASE else None
+
+
+SENTENCES: dict[WrongPhase, str] = {
+    "wrong sign": "|Z| rises where the phase is negative and falls where it is positive, which no passive part does: the reactance or the phase "
+    "has the wrong sign",
+    "radians": "the phase is a small part of what the slope of |Z| requires of a passive part: is it in radians, and called degrees?",
+}
+
+
+def implausible(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> tuple[str, ...]:
+    """Sentences on values that cannot be those of a motor; shapes (n,)."""
+    size = np.abs(impedance_ohm)
+    if not (np.all(np.isfinite(size)) and np.all(size > 0) and np.all(np.diff(frequency_hz) > 0)):
+        return ()
+    found = wrong_phase(frequency_hz, impedance_ohm) if size.size > 2 else None
+    said = [] if found is None else [SENTENCES[found]]
+    if size.max() < LEAST_OHM or size.min() > MOST_OHM:
+        said.append(
+            f"|Z| is {show(float(size.min()), 'Ohm')} - {show(float(size.max()), 'Ohm')} at all frequencies: is the unit of its columns right?"
+        )
+    return tuple(said)

@@ -1,0 +1,82 @@
+"""A phase that no passive part has, and values without the right unit: told on import, and the verdict is `data`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import motoremi
+from conftest import simulated_sweeps
+from places import ROOT
+
+import motoremi as me
+from motoremi.data.csvfiles import write_impedance_csv
+from motoremi.data.files import read_impedance
+from motoremi.data.plausible import implausible, phase_against_slope, wrong_phase
+
+FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
+S = 2j * np.pi * FREQUENCY_HZ
+
+
+def radians_called_degrees(impedance_ohm: np.ndarray) -> np.ndarray:
+    return np.abs(impedance_ohm) * np.exp(1j * np.deg2rad(np.angle(impedance_ohm)))
+
+
+def motor_like() -> np.ndarray:
+    """A winding with a resonance of quality 40 above a capacitance."""
+    branch = 5 + S * 80e-6
+    return branch / (1 + S * 20e-12 * branch) + 1 / (S * 400e-12)
+
+
+@pytest.mark.parametrize(
+    "impedance_ohm",
+    [1 / (S * 1e-10), 3 + S * 1e-5, np.sqrt(S), motor_like(), np.full(201, 50 + 0j), 50 + S * 1e-9],
+    ids=["capacitor", "coil", "skin effect", "motor", "resistor", "resistor with a lead"],
+)
+def test_a_passive_part_has_the_phase_of_its_slope(impedance_ohm: np.ndarray) -> None:
+    assert implausible(FREQUENCY_HZ, impedance_ohm) == ()
+
+
+@pytest.mark.parametrize("impedance_ohm", [1 / (S * 1e-10), np.sqrt(S), motor_like()], ids=["capacitor", "skin effect", "motor"])
+@pytest.mark.parametrize(("spoilt", "found"), [(np.conj, "wrong sign"), (radians_called_degrees, "radians")])
+def test_what_is_wrong_is_told(impedance_ohm: np.ndarray, spoilt: Callable[[np.ndarray], np.ndarray], found: str) -> None:
+    noise = np.exp(1e-3 * np.random.default_rng(5).standard_normal(201))
+    assert wrong_phase(FREQUENCY_HZ, spoilt(impedance_ohm * noise)) == found
+
+
+def test_noise_alone_is_not_told() -> None:
+    rng = np.random.default_rng(6)
+    assert wrong_phase(FREQUENCY_HZ, rng.standard_normal(201) + 1j * rng.standard_normal(201)) is None
+
+
+def test_measured_parts_are_far_from_the_limits() -> None:
+    """The real sweeps that the tests have."""
+    found = [
+        read_impedance(path, "short")
+        for path in (ROOT / "tests/data/eth_4294A_inductor/impedance.txt", next((ROOT / "tests/data").glob("motor*/*.csv")))
+    ]
+    for sweep in found:
+        assert phase_against_slope(sweep.frequency_hz, sweep.impedance_ohm).correlation > 0.9
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1e9])
+def test_values_in_another_unit_are_told(tmp_path: Path, factor: float) -> None:
+    write_impedance_csv(tmp_path / "a.csv", me.ImpedanceSweep("short", FREQUENCY_HZ, factor * motor_like()))
+    (warning,) = read_impedance(tmp_path / "a.csv", "short").metadata["warnings"]
+    assert "is the unit of its columns right?" in warning
+
+
+@pytest.mark.slow
+def test_the_verdict_is_data(tmp_path: Path) -> None:
+    for sweep in simulated_sweeps(3)[0]:
+        write_impedance_csv(
+            tmp_path / f"{sweep.termination}.csv", me.ImpedanceSweep(sweep.termination, sweep.frequency_hz, sweep.impedance_ohm.conj())
+        )
+    imported = motoremi("import", tmp_path / "s", "--short", tmp_path / "short.csv", "--open", tmp_path / "open.csv")
+    assert imported.stdout.count("warning: |Z| rises where the phase is negative") == 2
+    done = motoremi("diagnose", tmp_path / "s")
+    assert "Diagnosis: data" in done.stdout
+    assert "has the wrong sign" in done.stdout
+    assert "found, serious: wrong-phase (short sweep" in done.stdout
