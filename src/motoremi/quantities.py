@@ -66,9 +66,21 @@ def show(value: float, unit: str, digits: int = 4) -> str:
     """Write a value with an SI prefix: `show(1.21e-5, "H")` gives `12.1 uH`."""
     if not math.isfinite(value):
         return f"{value} {unit}".strip()
-    if unit in ("", "1", "%", "dB", "deg", "dBuV", "d"):
+    if unit == "%":
+        return percent(value, digits)
+    if unit in ("", "1", "dB", "deg", "dBuV", "d"):
         return f"{value:.{digits}g} {unit if unit != '1' else ''}".strip()
     return str(Quantity(float(value), unit).render(prec=digits - 1, form="si", strip_zeros=True)).replace("µ", "u")
+
+
+def percent(value: float, digits: int = 3) -> str:
+    """A percentage with that many significant digits; large ones have no exponent."""
+    return f"{float(f'{value:.{digits}g}'):.15g} %"
+
+
+def percent_span(low: float, high: float, digits: int = 3) -> str:
+    """Both ends of an interval in percent, the unit once."""
+    return f"{percent(low, digits).removesuffix(' %')} - {percent(high, digits)}"
 
 
 def show_band(low_hz: float, high_hz: float) -> str:

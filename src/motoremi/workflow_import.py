@@ -21,7 +21,7 @@ from motoremi.data.text import clean_text
 from motoremi.emission.limit import find_limit
 from motoremi.emission.observe import observations
 from motoremi.errors import BadInput
-from motoremi.quantities import parse_band
+from motoremi.quantities import parse_band, percent
 from motoremi.workflow_emission import judged
 
 
@@ -209,7 +209,7 @@ def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> lis
             rms = float(np.sqrt(np.mean(np.abs(apart) ** 2)))
             if rms > DISAGREEING:
                 which = f"{one.condition}: the {one.sweep.repeats} {one.sweep.termination} sweeps"
-                found.append(f"{which} disagree by {100 * rms:.2g} %; their mean is of little use")
+                found.append(f"{which} disagree by {percent(100 * rms, 2)}; their mean is of little use")
     return found
 
 

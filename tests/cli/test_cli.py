@@ -442,3 +442,13 @@ def test_effects_that_were_diagnosed_together_are_added_with_the_values_of_the_d
     diagnosed = load(tmp_path / "s").analysis("diagnosis")["best"]
     added = {name: entry["value"] for name, entry in document(done)["after"]["parameters"].items()}
     assert added == pytest.approx(diagnosed["parameters"], rel=1e-3)
+
+
+@pytest.mark.parametrize("form", [(), ("--json",)], ids=["text", "json"])
+def test_output_that_cannot_hold_every_character(files, tmp_path, form):
+    """A pipe that takes ASCII only: a question mark in text, an escape in JSON."""
+    named = tmp_path / "M\N{GREEK CAPITAL LETTER OMEGA}.csv"
+    named.write_bytes((files / "short1.csv").read_bytes())
+    done = motoremi_process("import", tmp_path / "s", "--short", named, *form, PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert done.returncode == 0, done.stderr
+    assert document(done)["sweeps"][0]["source"] == named.name if form else "short M?.csv" in done.stdout

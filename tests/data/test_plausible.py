@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import motoremi
 from conftest import simulated_sweeps
-from places import ROOT
+from places import DATA
 
 import motoremi as me
 from motoremi.data.csvfiles import write_impedance_csv
@@ -80,3 +80,11 @@ def test_the_verdict_is_data(tmp_path: Path) -> None:
     assert "Diagnosis: data" in done.stdout
     assert "has the wrong sign" in done.stdout
     assert "found, serious: wrong-phase (short sweep" in done.stdout
+
+
+@pytest.mark.parametrize(("unit", "told"), [("Hz", True), ("kHz", False)])
+def test_separators_of_thousands_are_told(tmp_path: Path, unit: str, told: bool) -> None:
+    rows = [f"{150 + 10 * number}.000;2.345;{23 + number}.595" for number in range(20)]
+    (tmp_path / "a.csv").write_text("\n".join([f"Frequency ({unit});R (Ohm);X (Ohm)", *rows, ""]))
+    warnings = read_impedance(tmp_path / "a.csv", "short").metadata.get("warnings", [])
+    assert any("frequencies such as 150.000 are read as 150 Hz - 340 Hz" in text for text in warnings) == told

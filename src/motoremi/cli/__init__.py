@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from typing import NoReturn
@@ -12,6 +13,10 @@ STOPPED = 130
 
 def main() -> None:
     """Run a command; every expected error is one line on standard error and an exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal or pipe that cannot hold a character (Ohm sign, a name) gets a question mark for it.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
         status = _run()
     except KeyboardInterrupt:

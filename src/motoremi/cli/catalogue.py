@@ -93,7 +93,7 @@ def _say_signature(found: Signature) -> None:
     import numpy as np
 
     from motoremi.cli.output import say
-    from motoremi.quantities import show
+    from motoremi.quantities import percent, show
 
     say(f"  on this motor, as {found.effect} (in brackets: after the elements are fitted again)")
     for size in found.sizes:
@@ -103,7 +103,7 @@ def _say_signature(found: Signature) -> None:
             left = size.remaining[termination]
             at = show(float(found.frequency_hz[termination][top]), "Hz")
             most = 100 * float(np.abs(left).max())
-            say(f"    {values}: {termination} up to {100 * abs(np.expm1(change[top])):.3g} % at {at} ({most:.3g} %)")
+            say(f"    {values}: {termination} up to {percent(100 * abs(np.expm1(change[top])))} at {at} ({percent(most)})")
 
 
 def register(app: typer.Typer) -> None:

@@ -165,21 +165,21 @@ def story_procedure(effect: str) -> Procedure:
 def _story(found: JsonDict, base: Fit, last: Fit) -> None:
     """Print what was found in the impedance."""
     from motoremi.cli.output import say
-    from motoremi.quantities import show_band
+    from motoremi.quantities import percent, show_band
     from motoremi.report.words import beside_the_error, in_words, would_leave
 
     left = would_leave(base.floor_percent, base.noise_percent)
-    say(f"\nThe paper's circuit misses the measurement by {base.rms_error_percent:.3g} % rms ({left}).")
+    say(f"\nThe paper's circuit misses the measurement by {percent(base.rms_error_percent)} rms ({left}).")
     for span in found["where"]:
         say(
-            f"  it fails in the {span['sweep']}-circuit sweep, {show_band(*span['band_hz'])}: {span['rms_error_percent']:.3g} %, "
+            f"  it fails in the {span['sweep']}-circuit sweep, {show_band(*span['band_hz'])}: {percent(span['rms_error_percent'])}, "
             f"{100 * span['share']:.0f} % of the squared error beyond the uncertainty"
         )
     say(f"Diagnosis: {found['verdict']}, {in_words(found)}; confidence {found['confidence']:.2f}")
     for reason in found["reasons"]:
         say(f"  {reason}")
     if found["effects"]:
-        say(f"Added {', '.join(found['effects'])}: the error falls to {last.rms_error_percent:.3g} %.")
+        say(f"Added {', '.join(found['effects'])}: the error falls to {percent(last.rms_error_percent)}.")
     for text in beside_the_error(last):
         say(f"  {text}")
     say(f"Next: {found['next_measurement']['why']}")

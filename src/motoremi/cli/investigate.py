@@ -118,11 +118,12 @@ def typed_value(order: MeasurementRequest) -> SingleValue:
 def show_step(assessment: Assessment, step: Step | None) -> None:
     """Print the probabilities of the explanations as bars, and the information of the step."""
     from motoremi.cli.output import say
+    from motoremi.quantities import percent
 
     if step is not None:
-        say(f"{step.id}: {step.minutes:.3g} min, information {step.taught_bits:.2g} bits; error so far {step.error_percent:.3g} %")
+        say(f"{step.id}: {step.minutes:.3g} min, information {step.taught_bits:.2g} bits; error so far {percent(step.error_percent)}")
     else:
-        say(f"error so far {assessment.error_percent:.3g} %; possible explanations:")
+        say(f"error so far {percent(assessment.error_percent)}; possible explanations:")
     for name, share in list(assessment.probabilities.items())[:_SHOWN]:
         say(f"  {name:44s} {'#' * round(_WIDTH * share):{_WIDTH}s} {share:.3f}")
     for finding in assessment.findings:

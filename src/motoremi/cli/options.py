@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from motoremi.data.output_file import check_output, write_output
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
@@ -36,6 +35,8 @@ def plot_file(path: Path) -> Path:
     BadInput
         For any other ending, a folder that does not exist, or a file of a session's data.
     """
+    from motoremi.data.output_file import check_output
+
     if path.suffix.lower() not in (".svg", ".png", ".pdf"):
         raise BadInput(f"{path}: plots are written as .svg, .png or .pdf")
     if not path.parent.is_dir():
@@ -46,6 +47,8 @@ def plot_file(path: Path) -> Path:
 
 def save_plot(figure: Figure, file: Path) -> None:
     """Write a figure to such a file, whole or not at all."""
+    from motoremi.data.output_file import write_output
+
     drawn = io.BytesIO()
     figure.savefig(drawn, format=file.suffix.lower()[1:])
     write_output(file, drawn.getvalue())

@@ -14,7 +14,8 @@ from motoremi.data.text import clean_text
 
 def emit_json(document: Any) -> None:
     """One JSON document on standard output."""
-    sys.stdout.write(json.dumps(plain(document), ensure_ascii=False, allow_nan=False, indent=1) + "\n")
+    # Escaped where the output cannot hold every character.
+    sys.stdout.write(json.dumps(plain(document), ensure_ascii=not str(sys.stdout.encoding).lower().startswith("utf"), allow_nan=False, indent=1) + "\n")
 
 
 def say(text: str = "") -> None:

@@ -427,15 +427,18 @@ def diagnose_(
 
 
 def _errors(fit: Fit) -> str:
-    return f"chi2 {fit.chi2_reduced:<9.4g} error {fit.rms_error_percent:.3g} %  undescribed {fit.unexplained_percent['value']:.2g} %"
+    from motoremi.quantities import percent
+
+    return f"chi2 {fit.chi2_reduced:<9.4g} error {percent(fit.rms_error_percent)}  undescribed {percent(fit.unexplained_percent['value'], 2)}"
 
 
 def _say_findings(result: Diagnosis) -> None:
     """Print the errors of the model, the stated accuracy, and the findings about the data."""
     from motoremi.cli.output import say
+    from motoremi.quantities import percent
     from motoremi.report.words import beside_the_error, findings_of, place_of
 
-    say(f"  error of the model {result.best.rms_error_percent:.3g} %; {'; '.join(beside_the_error(result.best))}")
+    say(f"  error of the model {percent(result.best.rms_error_percent)}; {'; '.join(beside_the_error(result.best))}")
     if result.base.measurement.accuracy_percent is not None:
         say(f"  accuracy stated for these data: {result.base.measurement.accuracy_percent:g} %")
     for finding in findings_of(result.to_dict()):
@@ -520,7 +523,7 @@ def drop_(
 
 def _show_step(before: Fit, after: Fit, as_json: bool, details: JsonDict | None = None) -> None:
     from motoremi.cli.output import emit_json, say
-    from motoremi.quantities import show
+    from motoremi.quantities import percent, show
     from motoremi.report.words import beside_the_error
 
     if as_json:
@@ -528,7 +531,7 @@ def _show_step(before: Fit, after: Fit, as_json: bool, details: JsonDict | None 
         emit_json({"schema": "motoremi.step/1", "before": before.to_dict(), "after": after.to_dict(), **step})
         return
     say(
-        f"error {before.rms_error_percent:.3g} % -> {after.rms_error_percent:.3g} %, "
+        f"error {percent(before.rms_error_percent)} -> {percent(after.rms_error_percent)}, "
         f"chi2_reduced {before.chi2_reduced:.4g} -> {after.chi2_reduced:.4g}"
     )
     for text in beside_the_error(after):
@@ -545,12 +548,12 @@ def _show_step(before: Fit, after: Fit, as_json: bool, details: JsonDict | None 
 def _say_details(step: JsonDict) -> None:
     """Print the error per band and the notes of a step of the ladder."""
     from motoremi.cli.output import say
-    from motoremi.quantities import show_band
+    from motoremi.quantities import percent, show_band
 
     for band in step["bands"]:
         before = band["rms_error_percent_before"]
         was = "" if before is None else f"{before:8.4g} % ->"
-        say(f"     {band['sweep']:5s} {show_band(*band['band_hz']):22s} {was:>13s} {band['rms_error_percent']:.4g} %")
+        say(f"     {band['sweep']:5s} {show_band(*band['band_hz']):22s} {was:>13s} {percent(band['rms_error_percent'], 4)}")
     for note in step["notes"]:
         say(f"     {note}")
 

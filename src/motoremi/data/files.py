@@ -18,6 +18,7 @@ from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, REFLECTION, column_values, find_pair, impedance_of, reflection_of
+from motoremi.data.numbers import look_grouped
 from motoremi.data.plausible import implausible
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
@@ -30,7 +31,7 @@ from motoremi.data.text_file import decode, file_name, read_bytes, show_name
 from motoremi.data.tinysa_csv import is_two_columns, parse_tinysa
 from motoremi.data.touchstone import is_touchstone, parse_touchstone
 from motoremi.errors import BadInput
-from motoremi.quantities import parse
+from motoremi.quantities import parse, show
 
 SPECTRUM_COLUMNS = "frequency_hz,level_dbuv"
 Made = TypeVar("Made")
@@ -202,6 +203,7 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
     frequency = _frequency(table, found["frequency"])
     used, changes = used_rows(frequency, band, name)
     frequency, table = frequency[used], table.only(used.tolist())
+    warnings = _grouping_warnings(table, found["frequency"], frequency)
     header = dict(table.header)
     header.pop("points", None)
     written = header.get("termination")
@@ -211,10 +213,9 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
         del header["termination"]
     sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
     impedance = impedance_of(table, found, pair, frequency)
-    warnings: tuple[str, ...] = ()
     if pair.title == REFLECTION.title:
         refuse_between_ports(header, name)
-        warnings = reflection_warnings(reflection_of(table, found))
+        warnings += reflection_warnings(reflection_of(table, found))
     return Rows(frequency, impedance, sigma, table.where, changes, warnings), header, pair.title
 
 
@@ -320,6 +321,15 @@ def _wrong_columns(table: Table, found: dict[str, Column], needed: str, what: st
 def _possible_meanings(table: Table) -> set[str]:
     """What the columns may hold by their names, whatever their units."""
     return {meaning for title in with_parts(table).columns for meaning in meanings_of(title)}
+
+
+def _grouping_warnings(table: Table, column: Column, frequency_hz: FloatArray) -> tuple[str, ...]:
+    """A sentence if frequencies in hertz look like thousands with a separator."""
+    cells = [row[column.index] for row in table.rows]
+    if column.factor != 1 or not look_grouped(cells):
+        return ()
+    read = f"{show(float(frequency_hz[0]), 'Hz')} - {show(float(frequency_hz[-1]), 'Hz')}"
+    return (f"frequencies such as {cells[0]} are read as {read}: if a separator of thousands is meant, write the numbers without it",)
 
 
 def _frequency(table: Table, column: Column) -> FloatArray:

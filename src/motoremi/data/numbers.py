@@ -16,6 +16,15 @@ _NOT_A_NUMBER = re.compile(r"[+-]?(?:nan|inf|infinity|1\.#\w+)(?:\(\w*\))?", re.
 _SCPI_MARK = 9e37
 
 
+# A number of four to six digits in groups of three, with the decimal sign between them.
+_GROUPED = re.compile(r"[1-9][0-9]{0,2}\.[0-9]{3}")
+
+
+def look_grouped(cells: list[str]) -> bool:
+    """Whether every number of a column, below 1000 if read as it is, could be one in groups of three digits instead: `150.000`."""
+    return bool(cells) and all(_GROUPED.fullmatch(cell.strip()) for cell in cells)
+
+
 def looks_numeric(cell: str) -> bool:
     """Whether a cell looks like a number, with a decimal point or a decimal comma."""
     return _NUMBER.fullmatch(cell.strip().replace(",", ".", 1)) is not None

@@ -51,9 +51,10 @@ def phase_against_slope(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -
     phase = np.angle(impedance_ohm) / (np.pi / 2)
     weight = np.gradient(place)
     both, of_slope, of_phase = (float(weight @ product) for product in (slope * phase, slope**2, phase**2))
-    if not (of_slope > 0 and of_phase > 0):
+    together = float(np.sqrt(of_slope) * np.sqrt(of_phase))
+    if not together > 0:
         return PhaseAgainstSlope(0.0, 0.0, 0.0)
-    return PhaseAgainstSlope(float(np.sqrt(of_slope / weight.sum())), both / float(np.sqrt(of_slope * of_phase)), both / of_slope)
+    return PhaseAgainstSlope(float(np.sqrt(of_slope / weight.sum())), both / together, both / of_slope)
 
 
 def wrong_phase(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> WrongPhase | None:
@@ -76,9 +77,10 @@ SENTENCES: dict[WrongPhase, str] = {
 def implausible(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> tuple[str, ...]:
     """Sentences on values that cannot be those of a motor; shapes (n,)."""
     size = np.abs(impedance_ohm)
-    if not (np.all(np.isfinite(size)) and np.all(size > 0) and np.all(np.diff(frequency_hz) > 0)):
+    rising = frequency_hz.size > 2 and frequency_hz[0] > 0 and np.all(np.diff(frequency_hz) > 0)
+    if not (rising and np.all(np.isfinite(frequency_hz)) and np.all(np.isfinite(size)) and np.all(size > 0)):
         return ()
-    found = wrong_phase(frequency_hz, impedance_ohm) if size.size > 2 else None
+    found = wrong_phase(frequency_hz, impedance_ohm)
     said = [] if found is None else [SENTENCES[found]]
     if size.max() < LEAST_OHM or size.min() > MOST_OHM:
         said.append(

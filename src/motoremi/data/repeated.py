@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from motoremi.arrays import BoolArray, FloatArray
 from motoremi.data.rows import Rows
 from motoremi.errors import BadInput
+from motoremi.quantities import percent
 
 # Largest relative difference of two readings at one frequency that are averaged.
 AGREE = 0.03
@@ -68,7 +69,7 @@ def _differences(rows: Rows, firsts: NDArray[np.intp]) -> FloatArray:
         row = int(firsts[number])
         raise BadInput(
             f"{rows.where(row + 1)}: the frequency {rows.frequency_hz[row]:.9g} Hz occurs twice, "
-            f"with values {100 * differences[number]:.2g} % apart; keep one row for each frequency"
+            f"with values {percent(100 * differences[number], 2)} apart; keep one row for each frequency"
         )
     return differences
 
@@ -76,4 +77,4 @@ def _differences(rows: Rows, firsts: NDArray[np.intp]) -> FloatArray:
 def _description(frequency: FloatArray, differences: FloatArray) -> str:
     first = f"{frequency[0] / 1e6:.9g} MHz"
     which = f"{first} occurs" if frequency.size == 1 else f"{frequency.size} frequencies, {first} the first, occur"
-    return f"{which} twice, values up to {100 * differences.max():.2g} % apart: averaged"
+    return f"{which} twice, values up to {percent(100 * differences.max(), 2)} apart: averaged"

@@ -16,7 +16,7 @@ from motoremi.data.frame import impedance_in
 from motoremi.data.text import clean_text
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
-from motoremi.quantities import parse, show, show_band
+from motoremi.quantities import parse, percent, show, show_band
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -309,7 +309,7 @@ def _unlike(first: ImpedanceSweep, other: ImpedanceSweep) -> str:
         return f"but have {len(first)} and {len(other)} points"
     apart = np.abs(other.frequency_hz / first.frequency_hz - 1)
     worst = int(np.argmax(apart))
-    return f"but differ by {100 * apart[worst]:.3g} % at point {worst + 1}"
+    return f"but differ by {percent(100 * apart[worst])} at point {worst + 1}"
 
 
 def _without_copies(repeats: Sequence[ComplexArray]) -> ComplexArray:

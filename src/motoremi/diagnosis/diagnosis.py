@@ -50,7 +50,7 @@ from motoremi.investigation.rivals import Rivals
 from motoremi.model.effects import find_effect
 from motoremi.model.effects.names import as_sum
 from motoremi.progress import part
-from motoremi.quantities import show, show_band
+from motoremi.quantities import percent, show, show_band
 from motoremi.threads import one_blas_thread
 from motoremi.workers import Map, own_processes
 
@@ -243,8 +243,8 @@ class Diagnosis:
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{html.escape(c.effect)}</td><td>{self.probabilities[c.effect]:.3g}</td><td>{c.fit.rms_error_percent:.3g} %</td>"
-            f"<td>{c.fit.unexplained_percent['value']:.2g} %</td><td>{html.escape(c.describe())}</td></tr>"
+            f"<tr><td>{html.escape(c.effect)}</td><td>{self.probabilities[c.effect]:.3g}</td><td>{percent(c.fit.rms_error_percent)}</td>"
+            f"<td>{percent(c.fit.unexplained_percent['value'], 2)}</td><td>{html.escape(c.describe())}</td></tr>"
             for c in self.candidates[:8]
         )
         head = "<tr><th>effect</th><th>probability</th><th>error</th><th>undescribed</th><th>parameters</th></tr>"
@@ -516,8 +516,9 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         tried = len(possible_effects(base))
         spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(closest.fit).where[:3])
         left = closest.fit.unexplained_percent
+        floor = f"noise and analyser would leave {percent(base.floor_percent, 2)}"
         less = ", which is more than that over all points but less at some frequencies" if base.rms_error_percent <= base.floor_percent else ""
-        missing = f"something is missing (error {base.rms_error_percent:.3g} %; noise and analyser would leave {base.floor_percent:.2g} %{less})"
+        missing = f"something is missing (error {percent(base.rms_error_percent)}; {floor}{less})"
         if judgement.described and judgement.distributed:
             pair = judgement.best.added
             imitation = _imitation(pair)
@@ -530,8 +531,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         return [
             f"{missing} and none of {tried} effects explains it, nor do two of them, nor a third beside the best two",
             *(() if judgement.whole is None else machine_in_words(judgement.whole)),
-            f"closest: {as_sum(closest.added) or 'none'}, which leaves {closest.fit.rms_error_percent:.3g} %; beyond noise and analyser "
-            f"{left['value']:.2g} % ({spans or 'spread over the whole span'})",
+            f"closest: {as_sum(closest.added) or 'none'}, which leaves {percent(closest.fit.rms_error_percent)}; beyond noise and analyser "
+            f"{percent(left['value'], 2)} ({spans or 'spread over the whole span'})",
             *_nearly(judgement),
             *_modes_hint(closest),
         ]
@@ -540,16 +541,17 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     best = judgement.best.fit
     left = best.unexplained_percent
     before, after = base.rms_error_percent, best.rms_error_percent
-    floor = f"(noise and analyser would leave {best.floor_percent:.2g} %)"
+    floor = f"(noise and analyser would leave {percent(best.floor_percent, 2)})"
     if after > before:
         # Near a sharp resonance the analyser's errors, within its specification, are a large part of Z.
         effect = (
-            f"the error that neither circuit nor analyser describes from {base.unexplained_percent['value']:.2g} % to {left['value']:.2g} %; the "
-            f"circuit's own error rises from {before:.3g} % to {after:.3g} %, as the analyser's errors are taken out of it {floor}"
+            f"the error that neither circuit nor analyser describes from {percent(base.unexplained_percent['value'], 2)} to "
+            f"{percent(left['value'], 2)}; the circuit's own error rises from {percent(before)} to {percent(after)}, as the analyser's errors are "
+            f"taken out of it {floor}"
         )
     else:
-        rest = f"; {left['value']:.2g} % stays undescribed" if left["value"] else ""
-        effect = f"the circuit's error from {before:.3g} % to {after:.3g} % {floor}{rest}"
+        rest = f"; {percent(left['value'], 2)} stays undescribed" if left["value"] else ""
+        effect = f"the circuit's error from {percent(before)} to {percent(after)} {floor}{rest}"
     said = [f"adding {' and '.join(named)} takes {effect}"]
     if verdict == "instrument":
         drifted = set(named) == {"temperature-drift"}
@@ -569,8 +571,8 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     if (alone := judgement.describes_nearly_all) is not None:
         alone_left = alone.fit.unexplained_percent["value"]
         said.append(
-            f"{alone.effect} alone leaves {alone_left:.2g} % undescribed of {base.unexplained_percent['value']:.2g} %; a law that is not quite the "
-            "motor's leaves as much, so the two together are uncertain"
+            f"{alone.effect} alone leaves {percent(alone_left, 2)} undescribed of {percent(base.unexplained_percent['value'], 2)}; a law that "
+            "is not quite the motor's leaves as much, so the two together are uncertain"
         )
     relieving = [one for one in judgement.aside.values() if one.fit.analyser_sigma < best.analyser_sigma]
     if relieving:
@@ -624,13 +626,14 @@ def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
     base = judgement.base
     if shows_nothing(base):
         return [
-            f"the analyser's own errors may be as large as what was measured (error {base.rms_error_percent:.2g} %): the sweeps say nothing about "
-            "the motor"
+            f"the analyser's own errors may be as large as what was measured (error {percent(base.rms_error_percent, 2)}): the sweeps say nothing "
+            "about the motor"
         ]
-    left = base.unexplained_percent["value"]
-    rest = f"to {left:.2g} %, beyond noise and analyser" if left else "down to noise and analyser"
-    floor = f"noise and analyser would leave {base.floor_percent:.2g} %"
-    said = [f"the model describes the sweeps {rest} (error {base.rms_error_percent:.2g} %, {floor})"]
+    left = base.unexplained_percent
+    beyond = left["low"] > 0 and base.rms_error_percent > base.floor_percent
+    rest = f"to {percent(left['value'], 2)}, beyond noise and analyser" if beyond else "down to noise and analyser"
+    floor = f"noise and analyser would leave {percent(base.floor_percent, 2)}"
+    said = [f"the model describes the sweeps {rest} (error {percent(base.rms_error_percent, 2)}, {floor})"]
     if verdict == "instrument" and base.analyser_sigma > BEYOND_SIGMA:
         said.append(f"but only if the analyser errs by {base.analyser_sigma / 3:.2g} times its specification")
     if judgement.accurate:

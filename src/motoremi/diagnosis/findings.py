@@ -17,7 +17,7 @@ from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import BEYOND_SIGMA
 from motoremi.inspection.unexplained import Remainder
-from motoremi.quantities import show, show_band
+from motoremi.quantities import percent, show, show_band
 
 # Drift and correlated noise of so many times the white noise could be mistaken for an effect. Few repeats show their size only within this factor,
 # so they may also be the cause of an error that is so many times as large.
@@ -86,8 +86,8 @@ def of_the_noise(fit: Fit, left_percent: float = 0.0) -> list[Finding]:
             found.append(
                 Finding(
                     "drift",
-                    f"the {name} sweep changes steadily from repeat to repeat, by {100 * size:.2g} % over half of them ({size / white:.2g} times "
-                    "its noise): the motor warms up, or the analyser does",
+                    f"the {name} sweep changes steadily from repeat to repeat, by {percent(100 * size, 2)} over half of them ({size / white:.2g} "
+                    "times its noise): the motor warms up, or the analyser does",
                     "let both settle for half an hour, or alternate short and open sweeps",
                     serious(size),
                     name,
@@ -101,7 +101,7 @@ def of_the_noise(fit: Fit, left_percent: float = 0.0) -> list[Finding]:
             found.append(
                 Finding(
                     "correlated-noise",
-                    f"repeats of the {name} sweep differ in the same way over neighbouring frequencies, by {100 * alike:.2g} %: "
+                    f"repeats of the {name} sweep differ in the same way over neighbouring frequencies, by {percent(100 * alike, 2)}: "
                     "averaging more points does not help",
                     "look for loose contacts and moving cables, and repeat",
                     serious(alike),
@@ -318,8 +318,8 @@ def of_the_hardly_seen(model: Fit) -> list[Finding]:
     band = _span(sweep.frequency_hz[there])
     missed, may_err = (100 * float(np.median(values[there])) for values in (errors[sweep.termination], floor))
     why = (
-        f"in the {sweep.termination} sweep at {show_band(*band)} the circuit errs by {missed:.2g} % where the analyser may err by {may_err:.2g} %: "
-        "these data do not show whether it is right there"
+        f"in the {sweep.termination} sweep at {show_band(*band)} the circuit errs by {percent(missed, 2)} where the analyser may err by "
+        f"{percent(may_err, 2)}: these data do not show whether it is right there"
     )
     remedy = "measure that band with shorter leads, or with an analyser that is made for such impedances"
     if measurement.analyser.by_waves:

@@ -28,7 +28,7 @@ from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.names import as_sum
 from motoremi.model.motor import Motor, dc_motor
-from motoremi.quantities import error_bar, show
+from motoremi.quantities import error_bar, percent, percent_span, show
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -388,8 +388,8 @@ class Fit:
         model = as_sum(("paper's circuit", *self.effects))
         lines = [
             f"Fit of the {model} ({self.method}, {'converged' if self.converged else 'NOT CONVERGED'})",
-            f"  error {self.rms_error_percent:.3g} % rms ({self.rms_error_db:.3g} dB); noise and analyser would leave {self.floor_percent:.3g} %, "
-            f"noise alone {self.noise_percent:.2g} %",
+            f"  error {percent(self.rms_error_percent)} rms ({self.rms_error_db:.3g} dB); noise and analyser would leave "
+            f"{percent(self.floor_percent)}, noise alone {percent(self.noise_percent, 2)}",
             f"  {self.said_of_the_rest}",
             *(f"  {name:34s} {value:>14s}  {bar}" for name, value, bar in self.rows()),
             *([f"  not in these sweeps: {', '.join(self.unseen())}"] if self.unseen() else []),
@@ -401,12 +401,12 @@ class Fit:
     def said_of_the_rest(self) -> str:
         """The undescribed part and the analyser's error, in words."""
         left = self.unexplained_percent
-        some = f"undescribed {left['value']:.2g} % (95 %: {left['low']:.2g} - {left['high']:.2g} %)"
+        some = f"undescribed {percent(left['value'], 2)} (95 %: {percent_span(left['low'], left['high'], 2)})"
         rest = some if left["value"] else "nothing else is undescribed"
         if self.measurement.analyser.ideal:
             return rest
         return (
-            f"with the analyser's likely error taken off {self.corrected_error_percent:.3g} % "
+            f"with the analyser's likely error taken off {percent(self.corrected_error_percent)} "
             f"({self.analyser_sigma:.1f} sigma of what is declared); {rest}"
         )
 

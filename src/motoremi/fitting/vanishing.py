@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from motoremi.fitting.result import Fit, summarise
 from motoremi.fitting.search import Found, Solution
 from motoremi.model.effects import find_effect
+from motoremi.quantities import percent
 
 # An error larger by this factor is a real increase, not an effect of the weights of the points.
 LARGER = 1.05
@@ -39,7 +40,7 @@ def no_worse(before: Fit, fitted: Fit, effect: str, given: Iterable[str] = ()) -
     solution = Solution(values, before.sizes, before.marginal, before.converged, before.evaluations + fitted.evaluations)
     result = summarise(task, Found(solution, before.history, dict(before.search_parameters)), before.method, before.seed)
     warning = (
-        f"{label}: with any values in its range the error would rise from {before.rms_error_percent:.3g} to {fitted.rms_error_percent:.3g} %; "
+        f"{label}: with any values in its range the error would rise from {before.rms_error_percent:.3g} to {percent(fitted.rms_error_percent)}; "
         "the data exclude it, and it is held at the values at which it vanishes"
     )
     return dataclasses.replace(result, elapsed_s=fitted.elapsed_s, warnings=(*result.warnings, warning))

@@ -26,7 +26,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.fitting.observed import observed
 from motoremi.fitting.problem import AS_DECLARED
 from motoremi.inspection.compare import spans_of
-from motoremi.quantities import show_band
+from motoremi.quantities import percent, show_band
 from motoremi.threads import one_blas_thread
 
 # Pairs of complex poles tried; a motor with a diffusion and a few resonances needs about eight.
@@ -195,7 +195,7 @@ class CausalCheck:
     def reasons(self) -> tuple[str, ...]:
         """The finding in words, one sentence for each sweep that has one."""
         if self.causal:
-            reached = ", ".join(f"{t} {m.rms_error_percent:.2g} % with {m.order} poles" for t, m in self.models.items())
+            reached = ", ".join(f"{t} {percent(m.rms_error_percent, 2)} with {m.order} poles" for t, m in self.models.items())
             return (f"an unrestricted causal model reaches the noise ({reached}): the physics is missing, not the quality of the data",)
         return tuple(self._reason(termination, model) for termination, model in self.models.items() if not model.describes_the_data)
 
@@ -231,7 +231,7 @@ def _trouble(model: CausalModel) -> str:
     spans = ", ".join(show_band(*span) for span in model.remainder_hz[:3]) or "the whole sweep"
     return (
         f"no fixed linear circuit of up to {MOST_POLES} poles describes the {model.termination} sweep (best causal model: error "
-        f"{model.rms_error_percent:.2g} %, chi2_reduced {model.chi2_reduced:.3g}, worst in {spans}): look for drift during the sweep, "
+        f"{percent(model.rms_error_percent, 2)}, chi2_reduced {model.chi2_reduced:.3g}, worst in {spans}): look for drift during the sweep, "
         "a range switch, sweeps put together from several runs, or outliers before looking for physics"
     )
 
@@ -240,12 +240,12 @@ def _nothing_shown(model: CausalModel, reached: float | None) -> str:
     if reached is not None and model.noise_multiple <= SMALL_REST * reached:
         return (
             f"a causal model of the {model.termination} sweep leaves {model.noise_multiple:.2g} times the noise (error "
-            f"{model.rms_error_percent:.2g} %), the closest circuit {reached:.3g} times: physics is most of what is missing"
+            f"{percent(model.rms_error_percent, 2)}), the closest circuit {reached:.3g} times: physics is most of what is missing"
         )
     if reached is not None and _within_accuracy(model):
         return (
             f"a causal model of the {model.termination} sweep leaves {model.noise_multiple:.2g} times the noise, but an error of only "
-            f"{model.rms_error_percent:.2g} %, which range switches of a good analyser may leave: it shows nothing about the data"
+            f"{percent(model.rms_error_percent, 2)}, which range switches of a good analyser may leave: it shows nothing about the data"
         )
     ended = f"the search for a causal model of the {model.termination} sweep ended at {model.noise_multiple:.2g} times the noise"
     where = (

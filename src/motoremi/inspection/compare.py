@@ -15,7 +15,7 @@ from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
-from motoremi.quantities import show_band
+from motoremi.quantities import percent, show_band
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -144,7 +144,7 @@ class Comparison:
             (
                 band["sweep"],
                 show_band(*band["band_hz"]),
-                f"{band['rms_error_percent']:.3g} %",
+                f"{percent(band['rms_error_percent'])}",
                 f"{band['max_error_db']:.3g} dB",
                 f"{band['max_phase_deg']:.3g} deg",
                 f"{band['verdict']}, {100 * band['share_beyond_uncertainty']:.0f} % of points beyond the uncertainty",

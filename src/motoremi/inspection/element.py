@@ -26,7 +26,7 @@ from motoremi.inspection.free_element import with_free
 from motoremi.model import laws
 from motoremi.model.circuit import Leaf, Node, Scaled, Tape, ThroughCable, Wrapped, walk
 from motoremi.model.parameter import Parameter
-from motoremi.quantities import show, show_band
+from motoremi.quantities import percent, show, show_band
 from motoremi.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -129,8 +129,8 @@ class Inspection:
         best = tried[0]
         constant = next(fit for fit in tried if fit.law.name == "constant")
         if constant.chi2_reduced < CONSTANT_ENOUGH or constant.bic - best.bic < CLEARLY_BETTER:
-            return f"a constant describes it (within {constant.rms_error_percent:.2g} %)"
-        left = f"{best.rms_error_percent:.2g} % left, {constant.rms_error_percent:.2g} % with a constant"
+            return f"a constant describes it (within {percent(constant.rms_error_percent, 2)})"
+        left = f"{percent(best.rms_error_percent, 2)} left, {percent(constant.rms_error_percent, 2)} with a constant"
         if best.chi2_reduced > DESCRIBES:
             return f"no simple law describes it; nearest: {best.law.name} ({left})"
         own = ", ".join(f"{name} {show(value, _unit_of(name), 3)}" for name, value in list(best.parameters.items())[1:])
@@ -163,7 +163,7 @@ class Inspection:
                 lines.append(
                     f"  {curve.termination:5s} {show_band(f[0], f[-1])}: {_range(value.real, self.unit)} "
                     f"(the model has {_range(curve.model[known].real, self.unit)}), {_lossy(self.unit, value)}, "
-                    f"known to {100 * np.median(curve.sigma_relative[known]):.2g} % (median)"
+                    f"known to {percent(100 * np.median(curve.sigma_relative[known]), 2)} (median)"
                 )
             lines.append(f"  {curve.termination:5s} {self.readings[curve.termination]}")
         return "\n".join(lines)

@@ -14,7 +14,7 @@ from motoremi.investigation.menu import MENU, REPEATABILITY, Option
 from motoremi.investigation.outcome import Outcome
 from motoremi.investigation.question import Question
 from motoremi.model.effects import find_effect
-from motoremi.quantities import show, show_band
+from motoremi.quantities import percent, show, show_band
 
 # A change of so many times the uncertainty is clear.
 CLEAR = 5.0
@@ -112,7 +112,7 @@ def _confirming(fit: Fit, done: Container[str]) -> JsonDict:
         return {"id": f"confirm-{effect.name}", "why": f"to confirm {effect.name}: {effect.deciding}"}
     found: JsonDict = {
         "id": option.name,
-        "why": f"to confirm {effect.name}: {option.action}; the {answer.termination} sweep should change by {answer.change_percent:.2g} % "
+        "why": f"to confirm {effect.name}: {option.action}; the {answer.termination} sweep should change by {percent(answer.change_percent, 2)} "
         f"near {show(answer.frequency_hz, 'Hz')}, while repeats agree within {answer.change_percent / answer.ratio:.1g} %. Or: {effect.deciding}",
     }
     if option.procedure:

@@ -12,7 +12,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison, compare
 from motoremi.model.effects.names import as_sum
-from motoremi.quantities import error_bar, show, show_band
+from motoremi.quantities import error_bar, percent, show, show_band
 from motoremi.report import plots
 from motoremi.report.cause import diagnosis_section, title_of
 from motoremi.report.conditions_section import beside_tables
@@ -89,7 +89,7 @@ def sweeps_section(materials: Materials) -> Section:
             f"{sweep.frequency_hz.size}",
             show_band(float(sweep.frequency_hz[0]), float(sweep.frequency_hz[-1])),
             f"{sweep.repeats}",
-            f"{100 * np.sqrt(np.mean(2 * noise.variance)):.2g} %",
+            f"{percent(100 * np.sqrt(np.mean(2 * noise.variance)), 2)}",
             NOISE_SOURCES[noise.source],
         )
         for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True)
@@ -126,7 +126,7 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
         f"{'Ant colony of the paper, as printed' if last.method == 'paper' else 'Ant colony with polish'}, seed {last.seed}; "
         f"evaluations of the model at each step: {', '.join(str(step.evaluations) for step in steps)}. "
         f"chi2_reduced {number(last.chi2_reduced, 4)} over noise and analyser as declared ({last.measurement.analyser.title}).",
-        f"Error of the circuit {last.rms_error_percent:.3g} % rms; {'; '.join(beside_the_error(last))}.",
+        f"Error of the circuit {percent(last.rms_error_percent)} rms; {'; '.join(beside_the_error(last))}.",
     ]
     if last.undetermined():
         loose = ", ".join(f"{name} ({_looseness(last, name)})" for name in last.undetermined())
@@ -208,10 +208,10 @@ def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
         rows.append(
             (
                 model_name(step),
-                "-" if before is None else f"{before.rms_error_percent:.3g} %",
-                f"{step.rms_error_percent:.3g} %",
+                "-" if before is None else f"{percent(before.rms_error_percent)}",
+                f"{percent(step.rms_error_percent)}",
                 f"{step.rms_error_db:.3g} dB",
-                "-" if step.measurement.analyser.ideal else f"{step.corrected_error_percent:.3g} % ({step.analyser_sigma:.1f} sigma)",
+                "-" if step.measurement.analyser.ideal else f"{percent(step.corrected_error_percent)} ({step.analyser_sigma:.1f} sigma)",
                 described(step.unexplained_percent),
                 number(step.chi2_reduced, 4),
             )
@@ -230,7 +230,7 @@ def _bands_of_steps(steps: Sequence[Fit]) -> Table:
     """Error per band, a column for each step."""
     by_step = [compare(step).bands for step in steps]
     rows = [
-        (bands[0]["sweep"], show_band(*bands[0]["band_hz"]), *(f"{band['rms_error_percent']:.3g} %" for band in bands))
+        (bands[0]["sweep"], show_band(*bands[0]["band_hz"]), *(f"{percent(band['rms_error_percent'])}" for band in bands))
         for bands in zip(*by_step, strict=True)
     ]
     return Table("Error by band at each step", ("sweep", "band", *(model_name(step) for step in steps)), tuple(rows))
@@ -245,8 +245,8 @@ def bands_table(comparison: Comparison) -> Table:
             (
                 band["sweep"],
                 show_band(*band["band_hz"]),
-                f"{band['rms_error_percent']:.3g} %",
-                f"{band['max_error_percent']:.3g} %",
+                f"{percent(band['rms_error_percent'])}",
+                f"{percent(band['max_error_percent'])}",
                 f"{band['max_error_db']:.3g} dB",
                 f"{band['max_phase_deg']:.3g} deg",
                 f"{100 * band['share_beyond_uncertainty']:.0f} %",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from motoremi.arrays import JsonDict
 from motoremi.data.session import Session
-from motoremi.quantities import show, show_band
+from motoremi.quantities import percent, show, show_band
 from motoremi.report.contents import Table
 
 
@@ -39,7 +39,7 @@ def _leading(taught: JsonDict) -> str:
 
 def _chance(share: float) -> str:
     """A probability, never shown as certain."""
-    return "> 99 %" if share > 0.995 else f"{100 * share:.2g} %"
+    return "> 99 %" if share > 0.995 else f"{percent(100 * share, 2)}"
 
 
 def _mistakes(taught: JsonDict) -> str:

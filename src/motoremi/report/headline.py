@@ -9,7 +9,7 @@ from motoremi.arrays import JsonDict
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison, compare
 from motoremi.model.effects.names import as_sum
-from motoremi.quantities import show_band
+from motoremi.quantities import percent, show_band
 from motoremi.report.contents import Box, Materials, is_result
 from motoremi.report.words import described, findings_of, in_words, mood_of, serious_of, share_of_analyser
 
@@ -50,7 +50,7 @@ def _before(base: Fit) -> list[Line]:
     if not is_result(base):
         return [(label, NO_RESULT, "bad")]
     return [
-        (label, f"{base.rms_error_percent:.3g} % rms ({base.rms_error_db:.2g} dB)", "plain"),
+        (label, f"{percent(base.rms_error_percent)} rms ({base.rms_error_db:.2g} dB)", "plain"),
         ("Where it fails", spans(compare(base).where), "plain"),
     ]
 
@@ -76,16 +76,16 @@ def _after(last: Fit, diagnosis: JsonDict | None) -> Line:
         error, left = float(diagnosis["best"]["rms_error_percent"]), diagnosis.get("unexplained_percent")
         reached = left is not None and left["value"] <= last.measurement.good_enough_percent
         # A proposed effect is not a result yet, so it is not shown in green.
-        return f"Error after ({model})", f"{error:.3g} % rms", "plain" if reached else "bad"
+        return f"Error after ({model})", f"{percent(error)} rms", "plain" if reached else "bad"
     model = f"with {as_sum(last.effects)}" if last.effects else "no effect added"
     if not is_result(last):
         return f"Error after ({model})", NO_RESULT, "bad"
-    return f"Error after ({model})", f"{last.rms_error_percent:.3g} % rms", "good" if last.explained else "bad"
+    return f"Error after ({model})", f"{percent(last.rms_error_percent)} rms", "good" if last.explained else "bad"
 
 
 def _beside(last: Fit) -> list[Line]:
     """What is always shown beside the error of the current model."""
-    lines = [(FLOOR, f"{last.floor_percent:.2g} % rms, noise alone {last.noise_percent:.2g} %", "plain")]
+    lines = [(FLOOR, f"{percent(last.floor_percent, 2)} rms, noise alone {percent(last.noise_percent, 2)}", "plain")]
     if is_result(last):
         lines += [(SHARE, text, "plain") for text in [share_of_analyser(last)] if text]
         lines.append(("This circuit", described(last.unexplained_percent), "plain"))

@@ -8,6 +8,7 @@ import io
 from motoremi.arrays import JsonDict
 from motoremi.data.plain import to_page
 from motoremi.data.text import clean_text
+from motoremi.quantities import percent_span
 from motoremi.report.contents import Report
 
 COLUMNS = ("kind", "where", "name", "value", "unit", "sigma", "note")
@@ -63,7 +64,7 @@ def render_csv(report: Report) -> str:
         for name in ("rms_error_percent", "corrected_error_percent", "floor_percent", "noise_percent"):
             writer.writerow(("error", f"step {number}", name, repr(step[name]), "%", "", note))
         left = step["unexplained_percent"]
-        interval = f"95 %: {left['low']:.4g} - {left['high']:.4g} %"
+        interval = f"95 %: {percent_span(left['low'], left['high'], 4)}"
         writer.writerow(("error", f"step {number}", "unexplained_percent", repr(left["value"]), "%", "", interval))
     for band in (report.data["comparison"] or {"bands": []})["bands"]:
         where = f"{band['sweep']} {band['band_hz'][0]:.9g}-{band['band_hz'][1]:.9g} Hz"

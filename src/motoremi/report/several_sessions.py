@@ -14,7 +14,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.errors import BadInput
 from motoremi.inspection.compare import bands_over, compare
-from motoremi.quantities import error_bar, show, show_band
+from motoremi.quantities import error_bar, percent, show, show_band
 from motoremi.report.contents import Box, Materials, Report, Section, Table, is_result, model_name
 from motoremi.report.gaps import gaps
 from motoremi.report.headline import Line, boxes
@@ -252,7 +252,7 @@ def _sections(together: SessionComparison) -> Iterator[Section]:
 def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) -> Table:
     rows, marked = [], set()
     for index, (one, own) in enumerate(zip(sessions, materials.values(), strict=True)):
-        errors = [f"{error:.3g} %" for error in one["rms_error_percent"]]
+        errors = [f"{percent(error)}" for error in one["rms_error_percent"]]
         found = one["diagnosis"]
         cause = NO_VALUE if found is None else in_words(found)
         if found is not None and found["serious_findings"]:
@@ -262,7 +262,7 @@ def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) 
                 one["session"],
                 model_name(own.steps[-1]) if own.steps else "no fit",
                 " → ".join(errors) or NO_VALUE,
-                NO_VALUE if one["floor_percent"] is None else f"{one['floor_percent']:.2g} %",
+                NO_VALUE if one["floor_percent"] is None else f"{percent(one['floor_percent'], 2)}",
                 (one["comparison"] or "not judged").upper(),
                 cause,
                 (one["emission"] or "not judged").upper(),

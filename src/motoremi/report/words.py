@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 from motoremi.arrays import JsonDict
 from motoremi.fitting.result import Fit
-from motoremi.quantities import show_band
+from motoremi.quantities import percent, percent_span, show_band
 
 Mood: TypeAlias = Literal["good", "bad", "plain"]
 
@@ -109,13 +109,13 @@ def serious_of(findings: Sequence[JsonDict]) -> list[JsonDict]:
 def described(left: Mapping[str, float]) -> str:
     """How well the circuit describes the motor, from `unexplained_percent`."""
     if not left["value"]:
-        return f"describes your motor down to noise and analyser (95 %: to {max(left['high'], FINEST_PERCENT):.2g} % or better)"
-    return f"describes your motor to {left['value']:.2g} % (95 %: {left['low']:.2g} - {left['high']:.2g} %)"
+        return f"describes your motor down to noise and analyser (95 %: to {percent(max(left['high'], FINEST_PERCENT), 2)} or better)"
+    return f"describes your motor to {percent(left['value'], 2)} (95 %: {percent_span(left['low'], left['high'], 2)})"
 
 
 def would_leave(floor_percent: float, noise_percent: float) -> str:
     """The error that a perfect model would leave."""
-    return f"noise and analyser would leave {floor_percent:.2g} %, noise alone {noise_percent:.2g} %"
+    return f"noise and analyser would leave {percent(floor_percent, 2)}, noise alone {percent(noise_percent, 2)}"
 
 
 def share_of_analyser(fit: Fit) -> str:
@@ -124,7 +124,7 @@ def share_of_analyser(fit: Fit) -> str:
     if analyser.ideal:
         return ""
     declared = "the errors expected of an unknown analyser" if analyser.name == "unknown" else f"the declared errors of a {analyser.name}"
-    return f"with the analyser's most likely error subtracted {fit.corrected_error_percent:.3g} % ({fit.analyser_sigma:.1f} sigma of {declared})"
+    return f"with the analyser's most likely error subtracted {percent(fit.corrected_error_percent)} ({fit.analyser_sigma:.1f} sigma of {declared})"
 
 
 def beside_the_error(fit: Fit) -> tuple[str, ...]:

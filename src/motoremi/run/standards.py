@@ -6,7 +6,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.quantities import show
+from motoremi.quantities import percent, show
 from motoremi.schema.procedure_steps import Check
 
 
@@ -36,5 +36,5 @@ def judge_standard(step: Check, sweep: ImpedanceSweep) -> JsonDict:
         "standard": step.standard,
         "share_of_limit": float(share[worst]),
         "worst_hz": frequency_hz,
-        "says": f"{limit} at most {100 * share[worst]:.3g} % of its limit, at {show(frequency_hz, 'Hz')}",
+        "says": f"{limit} at most {percent(100 * share[worst])} of its limit, at {show(frequency_hz, 'Hz')}",
     }
