@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from command_line import motoremi
 from conftest import simulated_sweeps
-from places import DATA
 
 import motoremi as me
 from motoremi.data.csvfiles import write_impedance_csv
@@ -58,7 +57,7 @@ def test_measured_parts_are_far_from_the_limits() -> None:
         for path in (ROOT / "tests/data/eth_4294A_inductor/impedance.txt", next((ROOT / "tests/data").glob("motor*/*.csv")))
     ]
     for sweep in found:
-        assert phase_against_slope(sweep.frequency_hz, sweep.impedance_ohm).correlation > 0.9
+        assert phase_against_slope(sweep.frequency_hz, sweep.impedance_ohm).correlation > 0.8
 
 
 @pytest.mark.parametrize("factor", [1e-9, 1e9])
