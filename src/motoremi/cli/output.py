@@ -15,7 +15,8 @@ from motoremi.data.text import clean_text
 def emit_json(document: Any) -> None:
     """One JSON document on standard output."""
     # Escaped where the output cannot hold every character.
-    sys.stdout.write(json.dumps(plain(document), ensure_ascii=not str(sys.stdout.encoding).lower().startswith("utf"), allow_nan=False, indent=1) + "\n")
+    escaped = not str(sys.stdout.encoding).lower().startswith("utf")
+    sys.stdout.write(json.dumps(plain(document), ensure_ascii=escaped, allow_nan=False, indent=1) + "\n")
 
 
 def say(text: str = "") -> None:
