@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from command_line import motoremi
 from conftest import simulated_sweeps
+from places import DATA
 
 import motoremi as me
 from motoremi.data.csvfiles import write_impedance_csv
