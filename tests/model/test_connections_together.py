@@ -48,6 +48,7 @@ def values_of(simulated: SimulatedMotor) -> dict[str, float]:
     values = {**simulated.elements, **{f"{one.name}.{name}": value for one in simulated.effects for name, value in one.sizes.items()}}
     if (farad := values.pop("second-resonance.capacitance_f", None)) is not None:
         values["second-resonance.resonance_hz"] = 1 / (2 * np.pi * np.sqrt(values["second-resonance.inductance_h"] * farad))
+        values["second-resonance.series_share"] = 0.0
     # The simulated choke's ferrite has one time constant.
     values["suppressor-choke.exponent"] = 1.0
     return values

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import iv, ive
 
 from motoremi.errors import BadInput
-from motoremi.model import materials
+from motoremi.model import laws, materials
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, catalogue, find_effect, identifiers
 from motoremi.model.materials import COPPER_MU_SIGMA
@@ -97,12 +97,24 @@ def test_derivatives_are_exact(identifier, termination):
 def test_first_turns_lie_in_front_of_a_distributed_winding(order):
     motor, line = add_effects(dc_motor(), order), add_effects(dc_motor(), ("distributed-winding",))
     henry, resonance_hz, ohm = 3e-7, 6e6, 500.0
-    cell = {"inductance_h": henry, "resonance_hz": resonance_hz, "resistance_ohm": ohm}
+    cell = {"inductance_h": henry, "resonance_hz": resonance_hz, "resistance_ohm": ohm, "series_share": 0.0}
     alone = 1 / (1 / (S * henry) + S / ((2 * np.pi * resonance_hz) ** 2 * henry) + 1 / ohm)
     values = values_of(motor, **{f"second-resonance.{name}": value for name, value in cell.items()})
     for termination in ("short", "open"):
         behind = tape(line, termination).impedance(S, values_of(line))
         np.testing.assert_allclose(tape(motor, termination).impedance(S, values), behind + alone, rtol=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_the_damping_of_a_cell_across_it_and_in_series(share):
+    """At the ends the circuits are plain; in between, the poles stay, and the resistance at low frequencies is that share of the one in series."""
+    henry, resonance_hz, ohm = 3e-7, 6e6, 50.0
+    farad = 1 / ((2 * np.pi * resonance_hz) ** 2 * henry)
+    in_series = henry / (farad * ohm)
+    given, _ = laws.resonant_cell(S, henry, resonance_hz, ohm, share)
+    circuits = {0.0: 1 / (1 / (S * henry) + S * farad + 1 / ohm), 1.0: 1 / (1 / (in_series + S * henry) + S * farad)}
+    wanted = circuits.get(share, (1 - share) * circuits[0.0] + share * circuits[1.0])
+    np.testing.assert_allclose(given, wanted, rtol=1e-12)
 
 
 def test_batches_equal_single_evaluations():

@@ -167,12 +167,13 @@ def test_repeated_cells_are_independent_and_each_can_vanish():
         got, gradient = tape(motor, termination).gradient(S, vector)
         np.testing.assert_allclose(got, expected, rtol=1e-10)
         for index, parameter in enumerate(motor.parameters):
-            step = 1e-5 * vector[index]
+            size = vector[index] or 1.0
+            step = 1e-5 * size
             up, down = vector.copy(), vector.copy()
             up[index] += step
             down[index] -= step
             numeric = (tape(motor, termination).impedance(S, up) - tape(motor, termination).impedance(S, down)) / (2 * step)
-            scale = np.abs(got) / vector[index]
+            scale = np.abs(got) / size
             np.testing.assert_allclose(gradient[index] / scale, numeric / scale, atol=3e-8, rtol=1e-6, err_msg=parameter.name)
 
 

@@ -167,9 +167,7 @@ class _Builder:
             inductance = reactance / (2 * np.pi * resonance_hz)
             return InSeries((Element("R", name, reactance / quality), Element("L", name, inductance), Element("C", name, capacitance)))
         if leaf.law is laws.resonant_cell:
-            inductance, resonance_hz, resistance = own
-            capacitance = 1 / ((2 * np.pi * resonance_hz) ** 2 * inductance)
-            return InParallel((Element("L", name, inductance), Element("C", name, capacitance), Element("R", name, resistance)))
+            return _cell(name, *own)
         return None
 
     def _scaled(self, node: Scaled) -> Part | None:
@@ -368,3 +366,18 @@ def _cable(builder: _Builder, line: Line) -> tuple[tuple[str, Part], ...]:
 def _word(name: str) -> str:
     """A name that every simulator accepts."""
     return "".join(c if c.isascii() and c.isalnum() else "_" for c in name)
+
+
+def _cell(name: str, inductance: float, resonance_hz: float, resistance: float, series_share: float) -> Part:
+    """The admittance of `laws.resonant_cell`, divided into C, a resistance across, and R with L in series."""
+    capacitance = 1 / ((2 * np.pi * resonance_hz) ** 2 * inductance)
+    copper = series_share * inductance / (capacitance * resistance)
+    across = (1 - series_share) / resistance
+    rest = 1 - copper * across
+    coil: list[Part] = [Element("L", name, inductance / rest)]
+    if copper > 0:
+        coil.append(Element("R", f"{name}_copper", copper / rest))
+    parts: list[Part] = [InSeries(tuple(coil)), Element("C", name, capacitance)]
+    if across > 0:
+        parts.append(Element("R", name, 1 / across))
+    return InParallel(tuple(parts))

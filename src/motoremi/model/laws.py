@@ -47,17 +47,24 @@ def given(values: ComplexArray) -> Law:
     return law
 
 
-def resonant_cell(s: ComplexArray, inductance: Any, resonance_hz: Any, resistance: Any) -> ValueAndSlopes:
-    """Parallel L, C, R by its resonance: Z = 1 / (1/(s L) + s/(w0^2 L) + 1/R), w0 = 2 pi f0."""
+def resonant_cell(s: ComplexArray, inductance: Any, resonance_hz: Any, resistance: Any, series_share: Any) -> ValueAndSlopes:
+    """L parallel to C, by its resonance, with the damping of R across them, a share k of it in series with L instead:
+    Z = (s L + k w0^2 L^2 / R) / (1 + s L / R + s^2 / w0^2), w0 = 2 pi f0.
+    """
     capacitance = 1 / ((TWO_PI * resonance_hz) ** 2 * inductance)
     capacitive = s * capacitance
     reactive = (1 / s) * (1 / inductance) + capacitive
-    impedance = 1 / (reactive + 1 / resistance)
-    square = impedance**2
-    return impedance, (
-        square * reactive * (1 / inductance),
-        square * capacitive * (2 / resonance_hz),
-        square * (1 / resistance**2),
+    alone = 1 / (reactive + 1 / resistance)
+    # The resistance in series that damps as much as R does across, relative to s L.
+    series = (1 / s) * (1 / (capacitance * resistance))
+    factor = 1 + series_share * series
+    square = alone**2 * factor
+    rising = alone * series * series_share
+    return alone * factor, (
+        square * reactive * (1 / inductance) + rising * (1 / inductance),
+        square * capacitive * (2 / resonance_hz) + rising * (2 / resonance_hz),
+        square * (1 / resistance**2) - rising * (1 / resistance),
+        alone * series,
     )
 
 

@@ -103,13 +103,16 @@ def _second_cell(short: Rational) -> dict[Any, float]:
     capacitance = 1 / (2 * residues.real * short.middle)
     inductance = 1 / (np.abs(poles * short.middle) ** 2 * capacitance)
     cell, winding = np.argsort(inductance)
+    in_series = -(residues * poles.conj()).real / residues.real * short.middle * inductance
+    resistance = float(-1 / (2 * poles.real[cell] * short.middle * capacitance[cell]))
     return {
-        Set("Ra"): float(-(residues * poles.conj()).real[winding] / residues.real[winding] * short.middle * inductance[winding]),
+        Set("Ra"): float(in_series[winding]),
         Set("La"): float(inductance[winding]),
         Set("Ca"): float(capacitance[winding]),
         "inductance_h": float(inductance[cell]),
         "resonance_hz": float(np.abs(poles[cell]) * short.middle / (2 * np.pi)),
-        "resistance_ohm": float(-1 / (2 * poles.real[cell] * short.middle * capacitance[cell])),
+        "resistance_ohm": resistance,
+        "series_share": float(np.clip(in_series[cell] * resistance * capacitance[cell] / inductance[cell], 0.0, 1.0)),
     }
 
 

@@ -223,16 +223,28 @@ EFFECTS = (
         group="winding",
         kin="winding-resonance",
         title="a second resonant cell (first turns, end winding)",
-        formula="1 / (1 / (s * inductance_h) + s / ((2 * pi * resonance_hz)**2 * inductance_h) + 1 / resistance_ohm)",
+        formula=(
+            "(s * inductance_h + series_share * (w * inductance_h)**2 / resistance_ohm) / (1 + s * inductance_h / resistance_ohm + s**2 / w**2), "
+            "w = 2 * pi * resonance_hz"
+        ),
         parameters=(
             Parameter("inductance_h", "H", 1e-9, 1e-4, "0.001 to 0.1 of La, with room for large windings"),
             Parameter("resonance_hz", "Hz", 2e5, 60e6, "3 - 25 MHz seen in motors, wider for large and small ones"),
             Parameter(
                 "resistance_ohm", "Ohm", 0.05, 50e3, "0.05 - 2 kOhm in motors, from a heavily damped turn to a light cell", usual=(1.0, 50e3)
             ),
+            Parameter(
+                "series_share",
+                "",
+                0.0,
+                1.0,
+                "of the damping: 0 is a resistance across the cell (core), 1 one in series with its L (copper)",
+                "linear",
+                special=0.0,
+            ),
         ),
         limit="inductance_h -> 0",
-        limit_values={"inductance_h": 1e-18, "resonance_hz": 1e7, "resistance_ohm": 1e3},
+        limit_values={"inductance_h": 1e-18, "resonance_hz": 1e7, "resistance_ohm": 1e3, "series_share": 0.0},
         signature="a local bump with a dip of phase at one frequency, in both sweeps",
         look_alikes=("field-coupling", "distributed-winding"),
         deciding="touch or tape an end turn: the bump moves; several regular bumps mean a distributed winding",
@@ -240,8 +252,8 @@ EFFECTS = (
         change=_second_resonance,
         # Weak cells on a fine grid (its step is narrower than the resonance), strong ones on a coarse grid.
         starts=(
-            *({"inductance_h": 2e-8, "resonance_hz": f, "resistance_ohm": 1e-6 * f} for f in np.geomspace(4e5, 29e6, 30)),
-            *({"inductance_h": 3e-7, "resonance_hz": f, "resistance_ohm": 200.0} for f in (3e6, 6e6, 11e6, 18e6)),
+            *({"inductance_h": 2e-8, "resonance_hz": f, "resistance_ohm": 1e-6 * f, "series_share": 0.0} for f in np.geomspace(4e5, 29e6, 30)),
+            *({"inductance_h": 3e-7, "resonance_hz": f, "resistance_ohm": 200.0, "series_share": 0.0} for f in (3e6, 6e6, 11e6, 18e6)),
         ),
         repeatable=True,
         reader=rational_starts.second_cell,
