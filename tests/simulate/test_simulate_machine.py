@@ -48,6 +48,7 @@ def in_the_catalogue(motor: SimulatedMotor, termination: str) -> ComplexArray:
             sizes = {"share": 1 - sizes["share_lost"]}
         if effect.name == "second-resonance":
             sizes["resonance_hz"] = 1 / (2 * np.pi * np.sqrt(sizes["inductance_h"] * sizes.pop("capacitance_f")))
+            sizes["series_share"] = 0.0
         if effect.name == "winding-modes":
             names *= 3
             for label, mode in (("", "first"), ("#2", "second"), ("#3", "third")):
