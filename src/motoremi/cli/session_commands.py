@@ -412,7 +412,7 @@ def diagnose_(
     if as_json:
         emit_json(result.to_dict())
         return
-    say(repr(result))
+    say(repr(result).replace("SESSION", quoted(path)))
     _say_findings(result)
     for span in result.where:
         share = f"{100 * span['share']:.0f} % of the squared error beyond the uncertainty"
