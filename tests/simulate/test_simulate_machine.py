@@ -28,6 +28,8 @@ WIDE = np.geomspace(100.0, 30e6, 201)
 # Parameters for which the catalogue's law equals the network.
 OTHERWISE: Mapping[str, Mapping[str, float]] = {
     "shorted-turn": {"skin_hz": 1e12},
+    "core-loss": {"tan_delta": 0.0},
+    "second-resonance": {"series_share": 0.0},
     "permeability-relaxation": {"exponent": 1.0, "quality": 1e-9},
     "suppressor-choke": {"exponent": 1.0},
     "suppressor-choke@brushes": {"exponent": 1.0},
@@ -48,7 +50,6 @@ def in_the_catalogue(motor: SimulatedMotor, termination: str) -> ComplexArray:
             sizes = {"share": 1 - sizes["share_lost"]}
         if effect.name == "second-resonance":
             sizes["resonance_hz"] = 1 / (2 * np.pi * np.sqrt(sizes["inductance_h"] * sizes.pop("capacitance_f")))
-            sizes["series_share"] = 0.0
         if effect.name == "winding-modes":
             names *= 3
             for label, mode in (("", "first"), ("#2", "second"), ("#3", "third")):

@@ -348,11 +348,17 @@ class Judgement:
 
     @property
     def of_singles_as_good(self) -> Judgement | None:
-        """`of_singles`, if the most probable set is a pair that leaves an error too and is not much more probable; None otherwise."""
+        """`of_singles`, if the most probable set is a pair that leaves an error too and is not much more probable; None otherwise.
+
+        A single effect beside which the analyser would err beyond its specification is not as good as a pair beside which it does not.
+        """
         if len(self.named) < 2 or not self.leaves_something:
             return None
         single = self.of_singles
-        return single if single is not None and self.model.score - single.model.score <= CLEAR_GAIN else None
+        if single is None or self.model.score - single.model.score > CLEAR_GAIN:
+            return None
+        excessive = single.model.fit.analyser_sigma > ALLOWED_SIGMA >= self.model.fit.analyser_sigma
+        return None if excessive else single
 
     def among(self, found: Mapping[Key, Candidate]) -> Judgement:
         """The judgement if only these sets of effects had been tried."""
