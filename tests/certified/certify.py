@@ -5,9 +5,9 @@ the one that motoremi documents for analyser 'none', noise that the file states 
 
     sum over points of |ln(Z_measured / Z_model)|^2 / sigma^2  +  sum over an effect's parameters of ((ln p - c) / w)^2,
 
-where c and w are the middle and the half width of the logarithm of the parameter's range (`motoremi effects`); of a loss angle that may be zero,
-p and its range stand there instead of their logarithms. It is minimised over these by Gauss-Newton from the truth, with derivatives by central
-differences that are exact to 38 digits. The standard deviations are those of the Gauss-Newton matrix.
+where c and w are the middle and the half width of the logarithm of the parameter's range (`motoremi effects`). It is minimised over the
+logarithms by Gauss-Newton from the truth, with derivatives by central differences that are exact to 38 digits. The standard deviations are
+those of the Gauss-Newton matrix.
 """
 
 from __future__ import annotations
@@ -23,12 +23,10 @@ ELEMENTS = ("Ra", "La", "Ca", "Rr", "Lr", "Cr", "Cf")
 RANGES = {
     "lead-inductance": {"resistance_ohm": ("1e-3", "5"), "inductance_h": ("15e-9", "5e-6"), "skin_ohm": ("1e-4", "3")},
     "terminal-capacitance": {"capacitance_f": ("0.8e-12", "400e-12"), "tan_delta": ("1e-4", "0.1")},
-    "core-loss": {"resistance_ohm": ("30", "1e7"), "tan_delta": ("0", "1")},
+    "core-loss": {"resistance_ohm": ("30", "100e3")},
     "eddy-laminations": {"share": ("0.01", "0.999"), "corner_hz": ("300", "1e6")},
     "": {},
 }
-# Place of the parameter that is varied itself instead of its logarithm.
-LINEAR = {"core-loss": 8}
 
 
 def impedances(effect: str, values: list, frequency_hz) -> tuple:
@@ -37,7 +35,7 @@ def impedances(effect: str, values: list, frequency_hz) -> tuple:
     s = 2j * mp.pi * frequency_hz
     coil = s * la
     if effect == "core-loss":
-        coil = 1 / ((s / (2 * mp.pi * 10**6)) ** (2 / mp.pi * mp.atan(more[1])) / coil + 1 / more[0])
+        coil = 1 / (1 / coil + 1 / more[0])
     elif effect == "eddy-laminations":
         share, corner = more
         x = mp.sqrt(s / (mp.pi * corner))
@@ -64,14 +62,9 @@ def read(name: str) -> tuple[list, str]:
     return merged, truth
 
 
-def values_of(effect: str, u: list) -> list:
-    """Parameters from what is varied."""
-    return [x if index == LINEAR.get(effect) else mp.exp(x) for index, x in enumerate(u)]
-
-
 def residuals(effect: str, rows: list, u: list) -> list:
     """Real and imaginary parts over the noise."""
-    values = values_of(effect, u)
+    values = [mp.exp(x) for x in u]
     parts = []
     for f, short, open_, sigma in rows:
         for measured, model in zip((short, open_), impedances(effect, values, f), strict=True):
@@ -85,12 +78,8 @@ def certify(name: str) -> dict:
     effect = PROBLEMS[name][3]
     rows, truth = read(name)
     names = [pair.split()[0] for pair in truth.split(", ")]
-    linear = [index == LINEAR.get(effect) for index in range(len(names))]
-    u = [mp.mpf(pair.split()[1]) if plain else mp.log(mp.mpf(pair.split()[1])) for pair, plain in zip(truth.split(", "), linear, strict=True)]
-    priors = []
-    for key, ends in RANGES[effect].items():
-        index = names.index(key)
-        priors.append((index, *(mp.mpf(end) if linear[index] else mp.log(mp.mpf(end)) for end in ends)))
+    u = [mp.log(mp.mpf(pair.split()[1])) for pair in truth.split(", ")]
+    priors = [(names.index(key), mp.log(mp.mpf(a)), mp.log(mp.mpf(b))) for key, (a, b) in RANGES[effect].items()]
     for _ in range(400):
         here = residuals(effect, rows, u)
         columns = []
@@ -118,8 +107,8 @@ def certify(name: str) -> dict:
     return {
         "effect": effect,
         "objective": mp.nstr(objective, 18),
-        "parameters": {key: mp.nstr(x, 18) for key, x in zip(keys, values_of(effect, u), strict=True)},
-        "sigma": {key: mp.nstr(d if plain else mp.exp(x) * d, 12) for key, x, d, plain in zip(keys, u, deviation, linear, strict=True)},
+        "parameters": {key: mp.nstr(mp.exp(x), 18) for key, x in zip(keys, u, strict=True)},
+        "sigma": {key: mp.nstr(mp.exp(x) * d, 12) for key, x, d in zip(keys, u, deviation, strict=True)},
     }
 
 

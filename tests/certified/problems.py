@@ -24,8 +24,8 @@ PROBLEMS: dict[str, tuple[str, int, float, str, dict[str, float]]] = {
     "damped-4-instrument": ("damped", 4, INSTRUMENT, "", {}),
     "damped-4-terminal-bench": ("damped", 4, BENCH, "terminal-capacitance", {"capacitance_f": 12e-12, "tan_delta": 0.02}),
     "hard-8-lead-instrument": ("hard", 8, INSTRUMENT, "lead-inductance", {"resistance_ohm": 0.15, "inductance_h": 150e-9, "skin_ohm": 0.02}),
-    "damped-6-core-loss-instrument": ("damped", 6, INSTRUMENT, "core-loss", {"resistance_ohm": 3000.0, "tan_delta": 0.01}),
-    "hard-4-core-loss-bench": ("hard", 4, BENCH, "core-loss", {"resistance_ohm": 2000.0, "tan_delta": 0.05}),
+    "damped-6-core-loss-instrument": ("damped", 6, INSTRUMENT, "core-loss", {"resistance_ohm": 3000.0}),
+    "hard-4-core-loss-bench": ("hard", 4, BENCH, "core-loss", {"resistance_ohm": 2000.0}),
     "damped-9-laminations-instrument": ("damped", 9, INSTRUMENT, "eddy-laminations", {"share": 0.4, "corner_hz": 4e5}),
 }
 

@@ -28,7 +28,6 @@ WIDE = np.geomspace(100.0, 30e6, 201)
 # Parameters for which the catalogue's law equals the network.
 OTHERWISE: Mapping[str, Mapping[str, float]] = {
     "shorted-turn": {"skin_hz": 1e12},
-    "core-loss": {"tan_delta": 0.0},
     "second-resonance": {"series_share": 0.0},
     "permeability-relaxation": {"exponent": 1.0, "quality": 1e-9},
     "suppressor-choke": {"exponent": 1.0},

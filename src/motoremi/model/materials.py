@@ -187,13 +187,6 @@ def constant_phase_factor(s: ComplexArray, tan_delta: Any) -> ValueAndSlopes:
     return value, (value * np.log(ratio) * ((2 / np.pi) / (1 + tan_delta**2)),)
 
 
-def constant_loss_factor(s: ComplexArray, tan_delta: Any) -> ValueAndSlopes:
-    """Impedance of an inductance with a constant loss angle: (s/w0)^(-2 delta/pi), w0 = 2 pi 1 MHz."""
-    inverse, (slope,) = constant_phase_factor(s, tan_delta)
-    value = 1 / inverse
-    return value, (-(value**2) * slope,)
-
-
 def relaxation_factor(s: ComplexArray, strength: Any, corner_hz: Any, exponent: Any) -> ValueAndSlopes:
     """Impedance of a relaxing capacitance (Cole-Cole): 1 / (1 + d / (1 + (s/wd)^a))."""
     corner = TWO_PI * corner_hz

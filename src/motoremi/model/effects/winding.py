@@ -27,9 +27,8 @@ def scale(element: str, law: Law) -> Change:
 
 
 def _core_loss(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    shunt = Leaf("Re", laws.resistor, (parameters["resistance_ohm"],))
-    angle = (parameters["tan_delta"],)
-    return motor.replaced("La", lambda whole: Parallel((with_law(whole, materials.constant_loss_factor, angle), shunt)))
+    shunt = Leaf("Re", laws.resistor, tuple(parameters.values()))
+    return motor.replaced("La", lambda whole: Parallel((whole, shunt)))
 
 
 def _second_resonance(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
@@ -203,39 +202,19 @@ EFFECTS = (
         name="core-loss",
         group="winding",
         kin="winding-loss",
-        title="core loss as a resistance across La, with a constant loss angle of La",
-        formula="Zm * resistance_ohm / (Zm + resistance_ohm), Zm = s * La * (s / (2 * pi * 1e6))**(-2 * atan(tan_delta) / pi)",
+        title="core loss as a resistance across La",
+        formula="s * La * resistance_ohm / (s * La + resistance_ohm)",
         parameters=(
-            Parameter(
-                "resistance_ohm",
-                "Ohm",
-                30.0,
-                1e7,
-                "0.5 - 20 kOhm in motors of 0.1 - 10 kW, a decade beyond; 1e7 is none",
-                special=1e7,
-                usual=(500.0, 1e7),
-            ),
-            Parameter(
-                "tan_delta",
-                "",
-                0.0,
-                1.0,
-                "residual and hysteresis losses: 0.001 in powder cores, 0.2 in solid iron; 0 is none",
-                "linear",
-                special=0.0,
-            ),
+            Parameter("resistance_ohm", "Ohm", 30.0, 100e3, "0.5 - 20 kOhm in motors of 0.1 - 10 kW, a decade beyond", usual=(500.0, 20e3)),
         ),
-        limit="resistance_ohm -> infinity, tan_delta -> 0",
-        limit_values={"resistance_ohm": 1e15, "tan_delta": 0.0},
-        signature="flattens the resonance of La and Ca; R grows as f^2 below it (resistance) or as f (loss angle, then La falls slowly too)",
+        limit="resistance_ohm -> infinity",
+        limit_values={"resistance_ohm": 1e15},
+        signature="flattens the resonance of La and Ca, R grows as f^2 below it, |Z| far from it unchanged",
         look_alikes=("dielectric-loss@Ca", "permeability-relaxation", "proximity-effect"),
-        deciding="shape of R below the resonance over a decade (f^2 or f here, f^3 for the insulation's tan delta, f^0.5 for laminations)",
-        source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 43 (2007) 1233; loss angle: Legg, Bell System Technical Journal 15 (1936) 39",
+        deciding="shape of R below the resonance over a decade (f^2 here, f^3 for tan delta, f^0.5 for laminations)",
+        source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 43 (2007) 1233",
         change=_core_loss,
-        starts=(
-            *({"resistance_ohm": ohm, "tan_delta": 0.0} for ohm in (5e2, 3e3, 3e4)),
-            *({"resistance_ohm": 1e6, "tan_delta": tan_delta} for tan_delta in (0.02, 0.2)),
-        ),
+        starts=({"resistance_ohm": 5e2}, {"resistance_ohm": 3e3}, {"resistance_ohm": 3e4}),
         responds={"dc-bias": {"resistance_ohm": 0.95}, "second-temperature": {"resistance_ohm": 1.05}},
         seen_as=("inductance-shunted",),
     ),
