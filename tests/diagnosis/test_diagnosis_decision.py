@@ -295,6 +295,21 @@ def test_one_effect_that_errs_less_than_the_likeliest_two_is_named():
     assert decided(found[()].fit, found).named == ("permeability-relaxation",)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("sigma_of_one", "named"), [(6.2, ("second-resonance", "ground-strap-inductance")), (3.5, ("second-resonance",))])
+def test_a_pair_within_the_specification_is_named_instead_of_one_effect_that_needs_more(sigma_of_one, named):
+    """A motor of an independent generator: a cell of 1.1 uH, and a strap that the analyser would otherwise have to describe."""
+    found = of(
+        model((), 4453.7, 9.66, 9.62),
+        model(("second-resonance",), 6468.0, 1.03, 0.94, analyser_sigma=sigma_of_one),
+        model(("ground-strap-inductance",), 4457.1, 9.66, 9.65),
+        model(("second-resonance", "ground-strap-inductance"), 6506.8, 0.176, 0.054, analyser_sigma=0.59),
+    )
+    for one in found.values():
+        one.fit.measurement.analyser.named = True
+        one.fit.floor_percent = 0.53
+    assert decided(found[()].fit, found).named == named  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(("error_of_two", "named"), [(1.9, True), (1.2, False)])
 def test_one_effect_is_named_beside_two_others_that_err_about_as_little(error_of_two, named):
     """A choke of ferrite: two others are likelier, and take an error of 46 % to 1.9 instead of 2.6 %."""
