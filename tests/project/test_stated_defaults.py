@@ -20,7 +20,8 @@ from typer.testing import CliRunner
 
 import motoremi as me
 from motoremi.cli.app import app
-from motoremi.data import coarse, measurement, mislabelled
+from motoremi.data import coarse, measurement, mislabelled, plausible
+from motoremi.data import rows as file_rows
 from motoremi.data.analyser import DECLARED, find_analyser
 from motoremi.data.csvfiles import impedance_csv
 from motoremi.data.laboratory import laboratory_of
@@ -297,9 +298,15 @@ def test_modules_on_the_map_exist():
 
 def test_numbers_of_the_pages_on_evidence_are_those_of_the_code():
     """Thresholds in words and digits; a sentence that is written differently has to be changed here too."""
-    evidence, details, investigations, spectra = (
+    evidence, details, investigations, spectra, files = (
         " ".join(page(name).split())
-        for name in ("explanation/evidence.md", "explanation/evidence_details.md", "explanation/investigation.md", "emission.md")
+        for name in (
+            "explanation/evidence.md",
+            "explanation/evidence_details.md",
+            "explanation/investigation.md",
+            "emission.md",
+            "howto/files.md",
+        )
     )
     none, one, two, _ = candidates.PRIOR_OF_SIZE
     sizes = marginal.DISCREPANCIES
@@ -322,6 +329,11 @@ def test_numbers_of_the_pages_on_evidence_are_those_of_the_code():
             f"From the open-circuit sweep alone a name is stated with at most {belief.RELIABLE['named from the open-circuit sweep alone']:g}",
         ),
         (evidence, f"`adequate` is stated with at most {belief.RELIABLE['adequate, a weak effect unnamed']:g}"),
+        (files, f"above {file_rows.REFLECTS_TOO_MUCH:g} at more than"),
+        (files, f"below {1e3 * plausible.LEAST_OHM:g} mOhm or above {plausible.MOST_OHM / 1e6:g} MOhm"),
+        (files, f"less than {100 * plausible.LEAST_PHASE:g} % of what the slope"),
+        (details, f"correlated by less than {-plausible.ALIKE:g} "),
+        (details, f"less than {100 * plausible.LEAST_PHASE:g} % of what the slope requires"),
         (details, f"twice and four times those of the specification is {100 * DECLARED[2.0]:g} % and {100 * DECLARED[4.0]:g} %"),
         (details, f"one of {math.sqrt(result.WORSE):.1f} standard deviations"),
         (details, f"more than {coarse.MOST_POINTS} points are reduced to about {coarse.COARSE_POINTS - 1} averages"),

@@ -18,7 +18,7 @@ from motoremi.errors import BadInput
 Band: TypeAlias = tuple[float, float]
 # A reflection coefficient beyond the first number is more than three standard deviations of an ordinary calibration (`analyser`: nanovna) above 1.
 # A sweep says so if more than the second share of its points has one.
-_REFLECTS_TOO_MUCH, _OF_POINTS = 1.02, 0.01
+REFLECTS_TOO_MUCH, _OF_POINTS = 1.02, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ def used_rows(frequency_hz: FloatArray, band: Band | None, name: str) -> tuple[N
 def reflection_warnings(s11: ComplexArray) -> tuple[str, ...]:
     """A sentence if a reflection coefficient, shape (n,), is above 1 at more than a few points."""
     size = np.abs(s11)
-    beyond = int(np.sum(size > _REFLECTS_TOO_MUCH))
+    beyond = int(np.sum(size > REFLECTS_TOO_MUCH))
     if beyond <= _OF_POINTS * size.size:
         return ()
     return (
