@@ -371,9 +371,8 @@ def _word(name: str) -> str:
 def _cell(name: str, inductance: float, resonance_hz: float, resistance: float, series_share: float) -> Part:
     """The admittance of `laws.resonant_cell`, divided into C, a resistance across, and R with L in series."""
     capacitance = 1 / ((2 * np.pi * resonance_hz) ** 2 * inductance)
-    quality = resistance / (2 * np.pi * resonance_hz * inductance)
-    copper = series_share * resistance * quality**2 / (1 + quality**4)
-    across = 1 / resistance - copper * capacitance / inductance
+    copper = series_share * inductance / (capacitance * resistance)
+    across = (1 - series_share) / resistance
     rest = 1 - copper * across
     coil: list[Part] = [Element("L", name, inductance / rest)]
     if copper > 0:

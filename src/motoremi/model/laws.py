@@ -49,25 +49,21 @@ def given(values: ComplexArray) -> Law:
 
 def resonant_cell(s: ComplexArray, inductance: Any, resonance_hz: Any, resistance: Any, series_share: Any) -> ValueAndSlopes:
     """L parallel to C, by its resonance, with the damping of R across them, a share k of it in series with L instead:
-    Z = (s L + k g w0^2 L^2 / R) / (1 + s L / R + s^2 / w0^2), w0 = 2 pi f0, g = q^4 / (1 + q^4), q = R / (w0 L).
-
-    The factor g is one for a cell that resonates and vanishes for one that does not, whose R, L and R would be a plain resistance.
+    Z = (s L + k w0^2 L^2 / R) / (1 + s L / R + s^2 / w0^2), w0 = 2 pi f0.
     """
     capacitance = 1 / ((TWO_PI * resonance_hz) ** 2 * inductance)
     capacitive = s * capacitance
     reactive = (1 / s) * (1 / inductance) + capacitive
     alone = 1 / (reactive + 1 / resistance)
-    fourth = (resistance / (TWO_PI * resonance_hz * inductance)) ** 4
-    left = 4 / (1 + fourth)
     # The resistance in series that damps as much as R does across, relative to s L.
-    series = (1 / s) * (fourth / (1 + fourth) / (capacitance * resistance))
+    series = (1 / s) * (1 / (capacitance * resistance))
     factor = 1 + series_share * series
     square = alone**2 * factor
     rising = alone * series * series_share
     return alone * factor, (
-        square * reactive * (1 / inductance) + rising * ((1 - left) / inductance),
-        square * capacitive * (2 / resonance_hz) + rising * ((2 - left) / resonance_hz),
-        square * (1 / resistance**2) - rising * ((1 - left) / resistance),
+        square * reactive * (1 / inductance) + rising * (1 / inductance),
+        square * capacitive * (2 / resonance_hz) + rising * (2 / resonance_hz),
+        square * (1 / resistance**2) - rising * (1 / resistance),
         alone * series,
     )
 

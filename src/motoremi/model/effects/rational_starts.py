@@ -104,7 +104,6 @@ def _second_cell(short: Rational) -> dict[Any, float]:
     inductance = 1 / (np.abs(poles * short.middle) ** 2 * capacitance)
     cell, winding = np.argsort(inductance)
     in_series = -(residues * poles.conj()).real / residues.real * short.middle * inductance
-    # A cell that is read from a resonance resonates: its factor g (`laws.resonant_cell`) is nearly one.
     resistance = float(-1 / (2 * poles.real[cell] * short.middle * capacitance[cell]))
     return {
         Set("Ra"): float(in_series[winding]),

@@ -224,8 +224,8 @@ EFFECTS = (
         kin="winding-resonance",
         title="a second resonant cell (first turns, end winding)",
         formula=(
-            "(s * inductance_h + series_share * w * inductance_h * q**3 / (1 + q**4)) / (1 + s * inductance_h / resistance_ohm + s**2 / w**2), "
-            "w = 2 * pi * resonance_hz, q = resistance_ohm / (2 * pi * resonance_hz * inductance_h)"
+            "(s * inductance_h + series_share * (w * inductance_h)**2 / resistance_ohm) / (1 + s * inductance_h / resistance_ohm + s**2 / w**2), "
+            "w = 2 * pi * resonance_hz"
         ),
         parameters=(
             Parameter("inductance_h", "H", 1e-9, 1e-4, "0.001 to 0.1 of La, with room for large windings"),
