@@ -31,7 +31,7 @@ from motoremi.data.text_file import decode, file_name, read_bytes, show_name
 from motoremi.data.tinysa_csv import is_two_columns, parse_tinysa
 from motoremi.data.touchstone import is_touchstone, parse_touchstone
 from motoremi.errors import BadInput
-from motoremi.quantities import parse, show
+from motoremi.quantities import parse, show_band
 
 SPECTRUM_COLUMNS = "frequency_hz,level_dbuv"
 Made = TypeVar("Made")
@@ -328,7 +328,7 @@ def _grouping_warnings(table: Table, column: Column, frequency_hz: FloatArray) -
     cells = [row[column.index] for row in table.rows]
     if column.factor != 1 or not look_grouped(cells):
         return ()
-    read = f"{show(float(frequency_hz[0]), 'Hz')} - {show(float(frequency_hz[-1]), 'Hz')}"
+    read = show_band(float(frequency_hz[0]), float(frequency_hz[-1]))
     return (f"frequencies such as {cells[0]} are read as {read}: if a separator of thousands is meant, write the numbers without it",)
 
 

@@ -62,12 +62,12 @@ def starts_without_ca(measurement: Measurement) -> list[dict[str, float]]:
     if not winding or "open" not in sweeps:
         return []
     at, open_ohm, highest_hz = sweeps["open"].frequency_hz, sweeps["open"].mean_ohm, sweeps["short"].frequency_hz[-1]
+    chosen = informative_points(at, open_ohm, FRAME_POINTS)
     count = int(np.ceil(np.log(at[-1] / highest_hz) / np.log(STEP)))
     starts: list[dict[str, float]] = []
     for resonance_hz in highest_hz * STEP ** np.arange(1, count + 1):
         tried = {**winding, "Ca": 1 / ((2 * np.pi * resonance_hz) ** 2 * winding["La"])}
         through_ohm = _winding_ohm(at, tried)
-        chosen = informative_points(at, open_ohm, FRAME_POINTS)
         frame = Seen(frame_hz=at[chosen], open_ohm=open_ohm[chosen], through_ohm=through_ohm[chosen]).frame
         starts += [{**tried, **elements} for elements in frames(*frame)] if frame is not None else []
     return starts

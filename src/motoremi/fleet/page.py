@@ -61,7 +61,7 @@ def _shown(figures: JsonDict, name: str, value: float) -> str:
 
 def _distributions(figures: JsonDict) -> Section:
     rows = tuple(
-        (name, str(d["n"]), *(show(d[key], d["unit"]) for key in ("q05", "median", "q95")), f"{percent(d['spread_percent'], 2)}")
+        (name, str(d["n"]), *(show(d[key], d["unit"]) for key in ("q05", "median", "q95")), percent(d["spread_percent"], 2))
         for name, d in figures["parameters"].items()
     )
     table = Table("Parameters of the best model of each session, where its data determine them", ("", "n", "5 %", "median", "95 %", "spread"), rows)
@@ -74,7 +74,7 @@ def _distributions(figures: JsonDict) -> Section:
 
 def _missing(figures: JsonDict) -> Section:
     total = sum(figures["verdicts"].values())
-    rows = tuple((name, str(n), f"{percent(100 * n / total)}") for name, n in figures["effects"].items())
+    rows = tuple((name, str(n), percent(100 * n / total)) for name, n in figures["effects"].items())
     table = Table("How often an effect was named", ("effect", "motors", "share"), rows)
     return Section("Missing effects", () if rows else ("None was named.",), (table,) if rows else ())
 

@@ -144,7 +144,7 @@ class Comparison:
             (
                 band["sweep"],
                 show_band(*band["band_hz"]),
-                f"{percent(band['rms_error_percent'])}",
+                percent(band["rms_error_percent"]),
                 f"{band['max_error_db']:.3g} dB",
                 f"{band['max_phase_deg']:.3g} deg",
                 f"{band['verdict']}, {100 * band['share_beyond_uncertainty']:.0f} % of points beyond the uncertainty",

@@ -89,7 +89,7 @@ def sweeps_section(materials: Materials) -> Section:
             f"{sweep.frequency_hz.size}",
             show_band(float(sweep.frequency_hz[0]), float(sweep.frequency_hz[-1])),
             f"{sweep.repeats}",
-            f"{percent(100 * np.sqrt(np.mean(2 * noise.variance)), 2)}",
+            percent(100 * np.sqrt(np.mean(2 * noise.variance)), 2),
             NOISE_SOURCES[noise.source],
         )
         for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True)
@@ -208,8 +208,8 @@ def _ladder(steps: tuple[Fit, ...], stored: Sequence[JsonDict]) -> Section:
         rows.append(
             (
                 model_name(step),
-                "-" if before is None else f"{percent(before.rms_error_percent)}",
-                f"{percent(step.rms_error_percent)}",
+                "-" if before is None else percent(before.rms_error_percent),
+                percent(step.rms_error_percent),
                 f"{step.rms_error_db:.3g} dB",
                 "-" if step.measurement.analyser.ideal else f"{percent(step.corrected_error_percent)} ({step.analyser_sigma:.1f} sigma)",
                 described(step.unexplained_percent),
@@ -230,7 +230,7 @@ def _bands_of_steps(steps: Sequence[Fit]) -> Table:
     """Error per band, a column for each step."""
     by_step = [compare(step).bands for step in steps]
     rows = [
-        (bands[0]["sweep"], show_band(*bands[0]["band_hz"]), *(f"{percent(band['rms_error_percent'])}" for band in bands))
+        (bands[0]["sweep"], show_band(*bands[0]["band_hz"]), *(percent(band["rms_error_percent"]) for band in bands))
         for bands in zip(*by_step, strict=True)
     ]
     return Table("Error by band at each step", ("sweep", "band", *(model_name(step) for step in steps)), tuple(rows))
@@ -245,8 +245,8 @@ def bands_table(comparison: Comparison) -> Table:
             (
                 band["sweep"],
                 show_band(*band["band_hz"]),
-                f"{percent(band['rms_error_percent'])}",
-                f"{percent(band['max_error_percent'])}",
+                percent(band["rms_error_percent"]),
+                percent(band["max_error_percent"]),
                 f"{band['max_error_db']:.3g} dB",
                 f"{band['max_phase_deg']:.3g} deg",
                 f"{100 * band['share_beyond_uncertainty']:.0f} %",

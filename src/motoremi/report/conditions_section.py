@@ -39,7 +39,7 @@ def _leading(taught: JsonDict) -> str:
 
 def _chance(share: float) -> str:
     """A probability, never shown as certain."""
-    return "> 99 %" if share > 0.995 else f"{percent(100 * share, 2)}"
+    return "> 99 %" if share > 0.995 else percent(100 * share, 2)
 
 
 def _mistakes(taught: JsonDict) -> str:

@@ -202,7 +202,7 @@ def ladder_figure(steps: Sequence[Fit]) -> Figure:
     names = [f"+ {step.effects[-1]}" if step.effects else model_name(step) for step in steps]
     panel.plot(range(len(errors)), errors, "o-", color=BLUE, label="error of the model (rms)")
     for number, error in enumerate(errors):
-        panel.annotate(f"{percent(error)}", (number, error), textcoords="offset points", xytext=(7, 4), ha="left", fontsize=9)
+        panel.annotate(percent(error), (number, error), textcoords="offset points", xytext=(7, 4), ha="left", fontsize=9)
     floor = steps[-1].floor_percent
     panel.axhline(floor, color=GREEN, linestyle="-.", linewidth=1.2, label=f"noise and analyser would leave {percent(floor, 2)}")
     log_values(panel)
@@ -234,7 +234,7 @@ def ranking_figure(diagnosis: JsonDict) -> Figure:
         colour, hatch = looks[kind]
         panel.barh(row, behind[row], color=colour, hatch=hatch, edgecolor="white", height=0.65)
         bound = "" if candidate["plausible"] else ", at a bound"
-        left = f"{candidate['rms_error_db']:.2g} dB" if diagnosis.get("of") == "emission" else f"{percent(candidate['rms_error_percent'])}"
+        left = f"{candidate['rms_error_db']:.2g} dB" if diagnosis.get("of") == "emission" else percent(candidate["rms_error_percent"])
         text = f"leaves {left}{bound}"
         place = {"xytext": (5, 0), "textcoords": "offset points", "va": "center", "fontsize": 8}
         panel.annotate(text, (behind[row], row), bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5}, **place)

@@ -252,7 +252,7 @@ def _sections(together: SessionComparison) -> Iterator[Section]:
 def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) -> Table:
     rows, marked = [], set()
     for index, (one, own) in enumerate(zip(sessions, materials.values(), strict=True)):
-        errors = [f"{percent(error)}" for error in one["rms_error_percent"]]
+        errors = [percent(error) for error in one["rms_error_percent"]]
         found = one["diagnosis"]
         cause = NO_VALUE if found is None else in_words(found)
         if found is not None and found["serious_findings"]:
@@ -262,7 +262,7 @@ def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) 
                 one["session"],
                 model_name(own.steps[-1]) if own.steps else "no fit",
                 " → ".join(errors) or NO_VALUE,
-                NO_VALUE if one["floor_percent"] is None else f"{percent(one['floor_percent'], 2)}",
+                NO_VALUE if one["floor_percent"] is None else percent(one["floor_percent"], 2),
                 (one["comparison"] or "not judged").upper(),
                 cause,
                 (one["emission"] or "not judged").upper(),

@@ -21,21 +21,19 @@ def stamp_of(path: Path) -> Stamp:
     path : Path
         The session's folder.
     """
-    try:
-        log = (path / SESSION).stat()
-    except OSError:
+    log = _file(path, SESSION)
+    if not log:
         return ()
-    files = [one for folder in FOLDERS for one in _files(path / folder)]
     # The manifest is written last, after the log: it turns an interrupted session into a complete one.
-    return ((SESSION, log.st_mtime_ns, log.st_size), *_manifest(path), *files)
+    return (*log, *_file(path, MANIFEST), *(one for folder in FOLDERS for one in _files(path / folder)))
 
 
-def _manifest(path: Path) -> list[tuple[str, int, int]]:
+def _file(folder: Path, name: str) -> list[tuple[str, int, int]]:
     try:
-        found = (path / MANIFEST).stat()
+        found = (folder / name).stat()
     except OSError:
         return []
-    return [(MANIFEST, found.st_mtime_ns, found.st_size)]
+    return [(name, found.st_mtime_ns, found.st_size)]
 
 
 def _files(folder: Path) -> list[tuple[str, int, int]]:
