@@ -347,6 +347,19 @@ def test_a_value_is_unusual_only_beyond_what_the_data_leave_open(sigma, unusual)
     assert unusual_values(motor, {label}, values) == (f"{label}.strength",)
 
 
+@pytest.mark.parametrize(("resistance_ohm", "overdamped"), [(61.0, True), (64.0, False)])
+def test_a_cell_that_does_not_resonate_is_unusual(resistance_ohm, overdamped):
+    """An inductance of 2 uH that resonates at 10 MHz (126 Ohm) is critically damped by 63 Ohm across it."""
+    label = "second-resonance"
+    motor = find_effect(label).added_to(me.dc_motor())
+    values = {"inductance_h": 2e-6, "resonance_hz": 1e7, "resistance_ohm": resistance_ohm, "series_share": 0.0}
+    own = {f"{label}.{name}": value for name, value in values.items()}
+    assert bool(unusual_values(motor, {label}, own)) == overdamped
+    fit = SimpleNamespace(effects=(label,), motor=motor, parameters=own, sigma=dict.fromkeys(own, 0.0), marginal=SimpleNamespace(nothing_left=1.0))
+    said = Candidate((label,), fit, 0.0, ()).unusual_in_words  # type: ignore[arg-type]
+    assert said == ("second-resonance.resistance_ohm = 61 Ohm, second-resonance is overdamped, so nothing resonates" if overdamped else "")
+
+
 @pytest.mark.parametrize(("error_percent", "sigma", "accepted"), [(100.0, 24.0, False), (100.0, 2.0, True), (20.0, 24.0, True)])
 def test_a_larger_error_that_is_described_by_large_analyser_errors_is_not_accepted(error_percent, sigma, accepted):
     named = model(("eddy-laminations",), 500.0, error_percent, 3.0)

@@ -84,7 +84,7 @@ class Candidate:
 
     @cached_property
     def unusual(self) -> tuple[str, ...]:
-        """Parameters of flexible laws (`FLEXIBLE`) outside their usual range by more than their uncertainty.
+        """Parameters of flexible laws (`FLEXIBLE`) outside their usual range by more than their uncertainty, or of a resonance that is overdamped.
 
         If an error remains undescribed, the laws are approximate: their values are known as well as they describe the motor.
         """
@@ -92,6 +92,14 @@ class Candidate:
         if self.fit.marginal.nothing_left < 0.5:
             sigma = {name: self.left_share * abs(value) / UNSURE for name, value in self.fit.parameters.items()}
         return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters, sigma)
+
+    @property
+    def unusual_in_words(self) -> str:
+        """The unusual values in a line of text, and which resonances are none."""
+        units = {parameter.name: parameter.unit for parameter in self.fit.motor.parameters}
+        values = [f"{name} = {show(self.fit.parameters[name], units[name])}" for name in self.unusual]
+        overdamped = [one for one in sorted(own_labels(self.fit.effects, self.added)) if _is_overdamped(one, self.fit.motor, self.fit.parameters)]
+        return ", ".join([*values, *(f"{label} is overdamped, so nothing resonates" for label in overdamped)])
 
     def parameters(self) -> JsonDict:
         """Parameters of the added effects by short name, those of the second and later effects by full name; SI units."""
@@ -115,7 +123,9 @@ class Candidate:
 
 
 def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, float], sigma: Mapping[str, float] | None = None) -> tuple[str, ...]:
-    """Parameters of flexible laws (`FLEXIBLE`) that are outside their usual range.
+    """Parameters of flexible laws (`FLEXIBLE`) that are outside their usual range, and the resistance of a resonance that is overdamped.
+
+    An overdamped resonant cell is a lossy inductance, which has other causes.
 
     Parameters
     ----------
@@ -127,7 +137,15 @@ def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, fl
     own = [p for p in motor.parameters if p.name.rpartition(".")[0] in labels]
     counts = Counter(p.name.rpartition(".")[0] for p in own)
     flexible = [p for p in own if counts[p.name.rpartition(".")[0]] >= FLEXIBLE]
-    return tuple(p.name for p in flexible if _is_unusual(p, values[p.name], 0.0 if sigma is None else UNSURE * sigma[p.name]))
+    outside = [p.name for p in flexible if _is_unusual(p, values[p.name], 0.0 if sigma is None else UNSURE * sigma[p.name])]
+    return (*outside, *(f"{label}.resistance_ohm" for label in counts if _is_overdamped(label, motor, values)))
+
+
+def _is_overdamped(label: str, motor: Motor, values: Mapping[str, float]) -> bool:
+    """Whether an effect is a resonance that is damped more than critically: a resonance that is none."""
+    damping_ratio = find_effect(label.partition("#")[0]).effect.damping_ratio
+    own = {p.short_name: values[p.name] for p in motor.parameters if p.name.rpartition(".")[0] == label}
+    return damping_ratio is not None and damping_ratio(own) > 1
 
 
 def _is_unusual(parameter: Parameter, value: float, uncertainty: float) -> bool:

@@ -526,7 +526,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         if judgement.described and judgement.best.unusual:
             return [
                 f"{missing}; {' and '.join(judgement.best.added)} describe it, but only with unusual values "
-                f"({', '.join(judgement.best.unusual)}): an effect outside the catalogue is more probable",
+                f"({judgement.best.unusual_in_words}): an effect outside the catalogue is more probable",
             ]
         return [
             f"{missing} and none of {tried} effects explains it, nor do two of them, nor a third beside the best two",
@@ -565,8 +565,10 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             f"a strap of {show(strap_h, 'H')} is so short that leads which were longer in the open-circuit sweep have the same impedance: measure "
             "both sweeps with the same leads, in the same positions"
         )
+    if judgement.model.unusual:
+        said.append(f"these values are unusual: {judgement.model.unusual_in_words}; something that is not in the catalogue is as probable")
     if (unusual := judgement.unusual_instead) is not None:
-        values = ", ".join(unusual.unusual or unusual.at_bound)
+        values = unusual.unusual_in_words or ", ".join(unusual.at_bound)
         said.append(f"{unusual.effect} describes these sweeps as well and is more probable, but only with unusual values ({values})")
     if (alone := judgement.describes_nearly_all) is not None:
         alone_left = alone.fit.unexplained_percent["value"]
@@ -601,7 +603,7 @@ def _nearly(judgement: Judgement) -> list[str]:
     if distributed(found.added):
         why = f"but so would {_imitation(found.added)}, which is not in the catalogue"
     elif found.unusual:
-        why = f"but only with unusual values ({', '.join(found.unusual)})"
+        why = f"but only with unusual values ({found.unusual_in_words})"
     else:
         why = "but several effects together describe almost any curve" if len(found.added) > 1 else "but its law may be that of another effect"
     return [f"{as_sum(found.added)} may be what is missing, since it describes nine tenths of it or more, {why}: it is not named"]

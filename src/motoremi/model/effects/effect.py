@@ -80,6 +80,8 @@ class Effect:
     imitated : mapping
         Place -> a cause outside the catalogue that has nearly the same impedance there (for a law with a flexible shape) and responds alike to
         every measurement of the menu.
+    damping_ratio : callable, optional
+        That of its resonance, which `resistance_ohm` damps, from its parameters by short name. Above 1 nothing resonates: such values are unusual.
     odds : float
         Prior odds of it relative to other effects: below 1 for what few DC motors have.
     kin : str
@@ -115,6 +117,7 @@ class Effect:
     beside: Mapping[str, str] = field(default_factory=dict)
     imitated: Mapping[str, str] = field(default_factory=dict)
     excludes: tuple[str, ...] = ()
+    damping_ratio: Callable[[Mapping[str, float]], float] | None = None
     odds: float = 1.0
 
     @property
