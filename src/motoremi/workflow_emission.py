@@ -46,14 +46,17 @@ def _save(store: Store, state: JsonDict, **new: Any) -> JsonDict:
     return state
 
 
+def _stated(session: Session) -> Setup:
+    """The set-up that was given last; otherwise one with typical values."""
+    stored = _state(session)["setup"]
+    return Setup() if stored is None else Setup.from_dict(stored)
+
+
 def setup_of(session: Session) -> Setup:
     """The set-up that was given last; otherwise one from the receiver's settings and the spectra, with typical values for the rest."""
-    stored = _state(session)["setup"]
-    if stored is not None:
-        return Setup.from_dict(stored)
+    made = _stated(session)
     running, _ = split(session.corrected_spectra)
-    made = Setup()
-    if not running:
+    if _state(session)["setup"] is not None or not running:
         return made
     settings = running[0].metadata.get("settings")
     known: Mapping[str, Any] = settings if isinstance(settings, Mapping) else {}
@@ -159,7 +162,7 @@ def predict_session(
     state = _save(store, state, limit=limit if limit is not None else state["limit"])
     session = load(store.path)
     alone = bool(session.spectra) and not (with_model and has_motor(session))
-    motor, stated = None if alone else _motor(store), setup_of(session)
+    motor, stated = (None, _stated(session)) if alone else (_motor(store), setup_of(session))
     effects: tuple[str, ...] = ()
     if state["steps"] and not alone:
         top = emission_steps(store)[-1]
@@ -189,11 +192,22 @@ def choose_finals(
 
 def judged(store: Store, limit: str, uncertainty: float = EXPANDED_UNCERTAINTY_DB) -> JsonDict:
     """The verdict on the measured levels; a prediction is stored as well if a model of the motor has been fitted."""
-    result = predict_session(store, limit=limit, expanded_uncertainty_db=uncertainty, with_model=bool(load(store.path).ladder))
+    session = load(store.path)
+    with_model = bool(session.ladder) and all(_has_band(spectrum) for spectrum in session.spectra)
+    result = predict_session(store, limit=limit, expanded_uncertainty_db=uncertainty, with_model=with_model)
     decided = [one for one in result.judged if one.verdict is not None and one.worst_margin_db is not None]
     worst = min(decided, key=lambda one: one.worst_margin_db or 0.0, default=None)
-    why = f"{worst.detector} {worst.why}" if worst is not None else "no level can be compared with it"
-    return {"verdict": result.verdict, "says": f"{result.verdict}, {result.limit.title}: {why}"}
+    least = f"{worst.what}: {worst.why}" if worst is not None else "no level can be compared with it"
+    return {"verdict": result.verdict, "says": f"{result.verdict}, {result.limit.title}: {next(iter(result.reasons), least)}"}
+
+
+def _has_band(spectrum: Spectrum) -> bool:
+    """Whether the receiver's model has the bandwidth of a spectrum."""
+    try:
+        band_of(spectrum.resolution_bandwidth_hz)
+    except BadInput:
+        return False
+    return True
 
 
 def diagnose_emission_session(store: Store, from_base: bool = False, progress: Progress | None = None) -> EmissionDiagnosis:

@@ -13,11 +13,11 @@ from motoremi.data.analyser import find_analyser
 from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
 from motoremi.data.declaration import COMPENSATED, refuse_impossible
+from motoremi.data.import_notes import import_notes
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep, checked_accuracy
-from motoremi.data.text import clean_text
 from motoremi.emission.limit import find_limit
 from motoremi.emission.observe import observations
 from motoremi.errors import BadInput
@@ -257,9 +257,7 @@ def prepared(
     }
     caveats = [] if measurement is None else measurement.caveats()
     caveats += chain.remarks()
-    for item in spectra:
-        if applied := str(item.metadata.get("transducer", "")).strip(" ;"):
-            caveats.append(f"{item.detector}: the receiver has applied its transducer {clean_text(applied, 60)!r}; it must not be in --corrections")
+    caveats += import_notes(spectra)
     return Import(tuple(own), tuple(spectra), tuple(corrected), start, tuple(caveats), tuple(observations(corrected)), options.limit, tuple(values))
 
 

@@ -194,6 +194,70 @@ def test_levels_behind_a_current_probe_are_held_against_a_limit_of_currents(tmp_
     assert command("predict", tmp_path / "s", "--limit", own)[0] == 1
 
 
+PROBE = '[[correction]]\nname = "probe"\nkind = "transducer"\nfile = "probe.csv"\n'
+
+
+def probe_factor(folder: Path, table: str, text: str = PROBE) -> Corrections:
+    (folder / "probe.csv").write_text(f"{table}\n100e3,10\n30e6,10\n", encoding="utf-8")
+    return read_corrections(corrections_file(folder, text))
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "Frequency (Hz),Zt (dBOhm)",
+        "Frequency (Hz),Zt dB(Ohm)",
+        "Frequency (Hz),Zt [dBΩ]",
+        "Frequency (Hz),factor dB(\u2126)",
+        "frequency_hz,zt_db",
+        "# Unit: dB Ohm\nfrequency_hz,db",
+    ],
+)
+def test_a_transfer_impedance_is_subtracted(tmp_path: Path, table: str) -> None:
+    """Zt of 10 dB(Ohm) is sqrt(10) ohm: 40 dBuV, 100 uV, are 31.6 uA, 30 dBuA."""
+    chain = probe_factor(tmp_path, table)
+    assert chain.level_unit == "dBuA"
+    spectrum = chain.corrected_spectrum(Spectrum("peak", AXIS, np.full(AXIS.size, 40.0)))
+    current_ua = 10 ** (40 / 20) / math.sqrt(10)
+    assert spectrum.level_dbuv == pytest.approx(np.full(AXIS.size, 20 * math.log10(current_ua)))
+    assert spectrum.level_dbuv[0] == pytest.approx(30.0)
+    assert spectrum.summary().endswith("up to 30.0 dBuA")
+    assert chain.entries[0].describe().startswith("probe: transducer of 10 to 10 dB(Ohm)")
+    again = Corrections.of(chain.to_list(), "stored")
+    assert again.added_db("receiver", AXIS) == pytest.approx(chain.added_db("receiver", AXIS))
+
+
+def test_a_transfer_admittance_is_added(tmp_path: Path) -> None:
+    assert probe_factor(tmp_path, "Frequency (Hz),factor dB(1/Ohm)").added_db("receiver", AXIS)[0] == 10.0
+
+
+def test_a_transfer_impedance_without_a_file(tmp_path: Path) -> None:
+    text = '[[correction]]\nname = "probe"\nkind = "transducer"\nunit = "dBΩ"\ndb = 10.0\n'
+    chain = read_corrections(corrections_file(tmp_path, text))
+    assert (chain.entries[0].unit, chain.level_unit, chain.added_db("receiver", AXIS)[0]) == ("dB(Ohm)", "dBuA", -10.0)
+
+
+@pytest.mark.parametrize(
+    ("table", "text", "says"),
+    [
+        ("# unit: dB(1/Ohm)\nFrequency (Hz),Zt dB", PROBE, r"a transfer impedance .* is in dB\(Ohm\), not in dB\(1/Ohm\)"),
+        ("Frequency (Hz),Zt dB(Ohm)", PROBE + 'unit = "dB(1/Ohm)"\n', r"its values are in dB\(Ohm\), but probe says unit = 'dB\(1/Ohm\)'"),
+        ("Frequency (Hz),factor dB(1/Ohm)", PROBE + 'unit = "dB/m"\n', "correct one of them"),
+        ("Frequency (Hz),Zt (dBOhm)", PROBE.replace("transducer", "loss"), "a loss is in dB; only a transducer has the unit dB"),
+    ],
+)
+def test_a_transfer_impedance_that_contradicts_its_unit_is_refused(tmp_path: Path, table: str, text: str, says: str) -> None:
+    with pytest.raises(BadInput, match=says):
+        probe_factor(tmp_path, table, text)
+
+
+def test_currents_are_told_in_their_unit(tmp_path: Path) -> None:
+    probe_factor(tmp_path, "Frequency (Hz),Zt (dBOhm)")
+    status, out, _ = command("import", tmp_path / "s", "--spectrum", spectrum_file(tmp_path, 6.0), "--corrections", tmp_path / "corrections.toml")
+    assert status == 0
+    assert "up to 50.0 dBuA" in out
+
+
 def test_what_the_receiver_applied_itself_is_not_applied_twice() -> None:
     chain = Corrections.of([{"name": "LISN", "role": "receiver", "kind": "transducer", "db": 10.0}], "test")
     spectrum = Spectrum("peak", AXIS, np.zeros(AXIS.size), 9e3, None, {"transducer": "ENV216"})

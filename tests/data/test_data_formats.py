@@ -589,12 +589,19 @@ def sweep_table(path: Path) -> list[tuple[float, complex]]:
     return list(zip(sweep.frequency_hz.tolist(), sweep.impedance_ohm.tolist(), strict=True))
 
 
+KEYSIGHT = (
+    "Trace\nSwept SA\nA.25.08,N9038A\nNumber of Points,20\nRBW,9000\nRBW Filter,Gaussian\nRBW Filter BW,6dB\nTrace Type,Maxhold\nDetector,Peak\n"
+    "Trace Math,Off\nNormalize,Off\nX Axis Units,Hz\nY Axis Units,dBuV\nDATA\n"
+)
+
+
 READERS: dict[str, tuple[str, Callable[[Path], list[tuple[float, complex]]]]] = {
     "s1p": (touchstone(reflection(OPEN)), sweep_table),
     "s2p": (two_ports(through_series(OPEN), comments="! fixture: series-through\n"), sweep_table),
     "z1p": (touchstone(OPEN / 50, "# HZ Z RI R 50"), sweep_table),
     "e4990a": (e4990a("Frequency(Hz), R(Ohm)-data, X(Ohm)-data", OPEN.real, OPEN.imag), sweep_table),
     "dat": (dat([("MAX PEAK", "dBuV", LEVEL), ("AVERAGE", "dBuV", LEVEL - 9)], GRID), spectra_table),
+    "keysight": (KEYSIGHT + rows(GRID, LEVEL, delimiter=","), spectra_table),
     "tinysa": ("".join(f"{f:.1f},{x:.6f}\n" for f, x in zip(GRID, LEVEL - 130, strict=True)), spectra_table),
     "blanks": ("% by hand\nMachine A\n" + BARE.format(" ") + rows(FREQUENCY, OPEN.real, OPEN.imag), sweep_table),
     "complex": (complex_table("# f_hz, Z (Ohm)", "({:.6e}{:+.6e}j)", OPEN), sweep_table),

@@ -12,6 +12,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from motoremi.data.detectors import SPELLINGS, detector_in_title
 from motoremi.data.table import Table
 from motoremi.data.text import clean_text, without_accents
 from motoremi.data.units import ANGLE, DBM, DBUV, FARAD, HENRY, HERTZ, NUMBER, OHM, SIEMENS, Units
@@ -25,11 +26,16 @@ _MEMORY = re.compile(r"-mem\s*$", re.IGNORECASE)
 # WaveForms and Bode Analyzer Suite begin titles with `Trace` and its number.
 _TRACE_NUMBER = re.compile(r"^Trace(?:\s*[0-9]+)?\s*(?::|\s)\s*", re.IGNORECASE)
 _MINUS = re.compile(r"^[-−–]\s*")
+# The detector of the lowest levels; without its minus it would be that of the highest.
+_NEGATIVE_PEAK = re.compile(r"\bpk-(?=$|[\s_(\[])", re.IGNORECASE)
 _LONGEST_TITLE = 80
 # With this begins what the metadata say of units that the user gives.
 UNITS_GIVEN = "units as given: "
 _NAME_SPELLINGS = str.maketrans({"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "∠": "phase ", "’": "'", "′": "'", "″": "''"})
+_MICRO = str.maketrans("µμ", "uu")
 _DECIBEL = re.compile(r"(?:^|_)db(?:[a-zµμ]*)(?:_|$)")
+# A unit of levels at the end of a title: dBm, dBuV, dB(uA), dBuV/m.
+_LEVEL_UNIT = re.compile(r"(?:^|_)db(m|_?[nuµμmp]?[vaw](?:_m)?)$")
 
 
 @dataclass(frozen=True)
@@ -85,14 +91,10 @@ _QUANTITIES = (
     _Quantity("level", DBUV, _LEVEL),
     _Quantity("level_dbm", DBM, _LEVEL),
     _Quantity("level_dbm", NUMBER, ("dbm",)),
-    # Columns named after a detector, as written by receiver software.
-    _Quantity("level peak", DBUV, ("peak", "max_peak", "maxpeak", "pk")),
-    _Quantity("level quasi-peak", DBUV, ("quasi_peak", "quasipeak", "qp", "qpk")),
-    _Quantity("level average", DBUV, ("average", "avg", "av")),
-    _Quantity("level cispr-average", DBUV, ("cispr_average", "caverage", "cav", "cispr_av")),
-    _Quantity("level rms-average", DBUV, ("rms_average", "cispr_rms", "crms", "rms_avg")),
+    # Columns named after a detector; `detector_in_title` knows the spellings.
+    *(_Quantity(f"level {detector}", DBUV, (detector,)) for detector in SPELLINGS),
+    *(_Quantity(f"level_dbm {detector}", DBM, (detector,)) for detector in SPELLINGS),
     _Quantity("sigma_relative", NUMBER, ("sigma_relative",)),
-    _Quantity("overload", NUMBER, ("overload",)),
 )
 # Names of quantities that a column of complex numbers may hold, and the titles of their parts.
 _PARTS = {
@@ -131,15 +133,15 @@ def _normal(text: str) -> str:
 
 
 def _title(title: str) -> _Title | None:
-    """A title split into name and unit; None if it begins with no known name or is that of a memory trace."""
-    if len(title) > _LONGEST_TITLE or _MEMORY.search(title):
+    """A title split into name and unit; None if it begins with no known name or is that of a memory trace or of the negative peak."""
+    if len(title) > _LONGEST_TITLE or _MEMORY.search(title) or _NEGATIVE_PEAK.search(title):
         return None
     whole = _TRACE_NUMBER.sub("", _TRACE_MARK.sub("", title.strip()))
     text = _MINUS.sub("", whole)
     cuts = [len(text), *(mark.start() for mark in reversed(list(_SEPARATORS.finditer(text))))]
     for cut in cuts:
         name = _normal(text[:cut])
-        if quantities := _BY_NAME.get(name):
+        if quantities := _BY_NAME.get(detector_in_title(name) or name):
             unit = re.sub(r"^in\s+", "", text[cut:].strip(" \t()[]{}<>/-_.,:;="))
             return _Title(name, quantities, unit, 1.0 if text == whole else -1.0)
     return None
@@ -244,6 +246,19 @@ def _unusable_units(table: Table) -> Iterator[tuple[int, str]]:
 def has_decibels(table: Table) -> bool:
     """Whether any column name carries a unit in decibel."""
     return any(_DECIBEL.search(_normal(title)) for title in table.columns)
+
+
+def level_unit(title: str) -> str:
+    """The unit of levels at the end of a title, in lower case as in `dbuv` or `dbuv/m`; empty if there is none."""
+    found = _LEVEL_UNIT.search(_normal(title))
+    return "" if found is None else "db" + found[1].lstrip("_").replace("_", "/").translate(_MICRO)
+
+
+def holds_levels(title: str) -> bool:
+    """Whether a column has a unit of levels, or the name of one without any unit."""
+    known = _title(title)
+    named = known is not None and not known.unit and known.quantities[0].meaning.startswith("level")
+    return named or bool(level_unit(title))
 
 
 def columns_found(table: Table) -> str:

@@ -10,16 +10,25 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.columns import columns_found, find_columns
 from motoremi.data.sweep import checked_frequency
-from motoremi.data.table import parse_table
+from motoremi.data.table import Table, parse_table
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.data.touchstone import is_touchstone, parse_two_port
 from motoremi.errors import BadInput
 
-# `db`, `loss_db`, `Loss (dB)`, `factor [dB/m]`, `dB(1/Ohm)`.
-_DECIBEL = re.compile(r"(?:^|[\s_(\[])(db(?:/m|\([^)]*\))?)[)\]]?$", re.IGNORECASE)
-# Spelling in a file, in lower case -> unit; empty for dB.
-_UNITS = {"db": "", "db/m": "dB/m", "db(1/m)": "dB(1/m)", "db(1/ohm)": "dB(1/Ohm)", "db(s)": "dB(S)"}
+# `db`, `loss_db`, `Loss (dB)`, `factor [dB/m]`, `dB(1/Ohm)`, `Zt (dBOhm)`, `Zt [dBΩ]`.
+_DECIBEL = re.compile(r"(?:^|[\s_(\[])(db(?:/m|\s?\([^)]*\)|\s?(?:ohm|[Ω\u2126]))?)[)\]]?$", re.IGNORECASE)
+# Of a current probe: its transfer impedance Zt, the voltage over the current, so that dBuA = dBuV - Zt.
+DB_OHM = "dB(Ohm)"
+# Spelling in a file, in lower case -> unit.
+_UNITS = {"db": "dB", "db/m": "dB/m", "db(1/m)": "dB(1/m)", "db(1/ohm)": "dB(1/Ohm)", "db(s)": "dB(S)", "db(ohm)": DB_OHM, "dbohm": DB_OHM}
+_TRANSFER_IMPEDANCE = re.compile(r"z_?t(?![a-z])|transfer[\s_-]*impedance", re.IGNORECASE)
+
+
+def standard_unit(written: object) -> object:
+    """The standard spelling of a unit in decibel, such as `dB(Ohm)` for `dBΩ`; anything else as written."""
+    plain = re.sub(r"[Ω\u2126]", "Ohm", str(written)).replace(" ", "").lower()
+    return _UNITS.get(plain, written)
 
 
 def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
@@ -36,7 +45,7 @@ def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
     -------
     frequency_hz, db : ndarray, shape (n,)
     unit : str
-        Empty if the file states no unit other than dB.
+        Empty if the file states no unit other than dB. A column that is called a transfer impedance (Zt) is in dB(Ohm).
 
     Raises
     ------
@@ -66,11 +75,20 @@ def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
         raise BadInput(f"{shown}: a value is not a finite number")
     for row in np.flatnonzero(np.abs(values) > 200)[:1]:
         raise BadInput(f"{table.where(int(row))}: {values[row]:g} dB is too large for a correction; is the column in dB?")
-    written = str(table.header.get("unit", unit)).strip()
-    plain = written.replace(" ", "").replace("Ω", "Ohm").lower()
-    if plain not in _UNITS:
-        raise BadInput(f"{shown}: the unit {clean_text(written, 40)!r} is not in decibel; use dB, dB(1/Ohm) or dB/m")
-    return axis, values, _UNITS[plain]
+    return axis, values, _unit(table, unit)
+
+
+def _unit(table: Table, of_column: str) -> str:
+    """The unit of the values, from a line `# unit: ...` or the title of their column; empty for dB."""
+    written = next((str(value) for key, value in table.header.items() if key.strip().lower() == "unit"), of_column).strip()
+    unit = str(standard_unit(written))
+    if unit not in _UNITS.values():
+        raise BadInput(f"{table.name}: the unit {clean_text(written, 40)!r} is not in decibel; use dB, dB(Ohm), dB(1/Ohm) or dB/m")
+    if any(_TRANSFER_IMPEDANCE.match(title.strip()) for title in table.columns):
+        if unit not in ("dB", DB_OHM):
+            raise BadInput(f"{table.name}: a transfer impedance ({columns_found(table)}) is in {DB_OHM}, not in {unit}; correct one of them")
+        return DB_OHM
+    return "" if unit == "dB" else unit
 
 
 def read_two_port(path: Path) -> tuple[FloatArray, ComplexArray]:

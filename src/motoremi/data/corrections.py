@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.data.correction_tables import read_decibels, read_two_port
+from motoremi.data.correction_tables import DB_OHM, read_decibels, read_two_port, standard_unit
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
@@ -27,10 +27,12 @@ from motoremi.quantities import parse, show_band
 
 Role = Literal["receiver", "analyser"]
 # Unit of a transducer factor -> unit of the corrected level: voltage divider or LISN, current probe, antenna.
-UNITS = {"dB": "dBuV", "dB(1/Ohm)": "dBuA", "dB(S)": "dBuA", "dB/m": "dBuV/m", "dB(1/m)": "dBuV/m"}
+UNITS = {"dB": "dBuV", DB_OHM: "dBuA", "dB(1/Ohm)": "dBuA", "dB(S)": "dBuA", "dB/m": "dBuV/m", "dB(1/m)": "dBuV/m"}
 # The frequencies of a sweep and of a table may be written with different numbers of digits.
 _ROUNDING = 1e-6
 _SIGNS = {"loss": 1.0, "gain": -1.0, "transducer": 1.0}
+# What the header of a receiver's file says if no transducer was switched on.
+_NO_TRANSDUCER = ("", "-", "off", "none")
 _OTHER = {"loss": "gain", "gain": "loss"}
 # Neighbouring values of a table that are further apart than this factor in frequency cause a remark.
 WIDE_GAP = 10.0
@@ -55,8 +57,10 @@ class Correction(BaseModel):
     db: Decibels | tuple[Decibels, ...] | None = Field(default=None, description="value in dB, or values at frequency_hz")
     frequency_hz: tuple[Hertz, ...] = Field(default=(), description="frequencies of the values, increasing")
     file: str = Field(default="", description="CSV with frequency_hz,db, or Touchstone of two ports, beside the file that names it")
-    unit: Literal["dB", "dB(1/Ohm)", "dB(S)", "dB/m", "dB(1/m)"] = Field(
-        default="dB", description="of a transducer: dB(1/Ohm) for a current probe makes dBuA, dB/m for an antenna makes dBuV/m"
+    unit: Annotated[Literal["dB", "dB(Ohm)", "dB(1/Ohm)", "dB(S)", "dB/m", "dB(1/m)"], BeforeValidator(standard_unit)] = Field(
+        default="dB",
+        description="of a transducer: dB(1/Ohm) for a current probe makes dBuA, dB(Ohm) for its transfer impedance, which is subtracted, too; "
+        "dB/m for an antenna makes dBuV/m",
     )
     serial: str = Field(default="", max_length=200, description="serial number")
     calibrated: date | None = Field(default=None, description="date of the last calibration")
@@ -102,10 +106,13 @@ class Correction(BaseModel):
             flat = np.stack([rows.real, rows.imag], axis=2).reshape(len(rows), 8)
             return self.model_copy(update={"frequency_hz": tuple(frequency_hz.tolist()), "s_parameters": tuple(map(tuple, flat.tolist()))})
         frequency_hz, db, unit = read_decibels(path, self.kind)
-        if unit and unit not in UNITS:
-            raise BadInput(f"{show_name(path)}: the unit {clean_text(unit, 40)!r} is not known; use one of {', '.join(UNITS)}")
+        if unit and "unit" in self.model_fields_set and (UNITS[unit], unit == DB_OHM) != (UNITS[self.unit], self.unit == DB_OHM):
+            raise BadInput(f"{show_name(path)}: its values are in {unit}, but {self.name} says unit = {self.unit!r}; correct one of them")
         content = self.model_dump(exclude={"frequency_hz", "db"}) | {"frequency_hz": frequency_hz.tolist(), "db": db.tolist()}
-        return Correction.model_validate(content | ({"unit": unit} if unit else {}))
+        try:
+            return Correction.model_validate(content | ({"unit": unit} if unit else {}))
+        except ValidationError as error:
+            raise BadInput(f"{show_name(path)}: {problems(error)}") from error
 
     @property
     def is_negative(self) -> bool:
@@ -130,7 +137,8 @@ class Correction(BaseModel):
             values = np.interp(np.log(frequency_hz), np.log(self.frequency_hz), self.db)
         else:
             values = np.full(frequency_hz.shape, self.db or 0.0)
-        return _SIGNS[self.kind] * np.asarray(values, dtype=np.float64)
+        sign = -1.0 if self.unit == DB_OHM else _SIGNS[self.kind]
+        return sign * np.asarray(values, dtype=np.float64)
 
     def refuse_outside(self, low_hz: float, high_hz: float) -> None:
         """Raise `BadInput` if its table does not cover a span."""
@@ -251,8 +259,8 @@ class Corrections:
 
     def _refuse_twice(self, spectrum: Spectrum) -> None:
         """Refuse a correction that the receiver has already applied, according to the header of its file."""
-        applied = str(spectrum.metadata.get("transducer", "")).strip(" ;")
-        names = [part.strip().lower() for part in applied.split(";")]
+        applied = applied_transducer(spectrum)
+        names = [name.lower() for name in applied.split("; ")]
         for entry in self.role("receiver"):
             if applied and (entry.kind == "transducer" or entry.name.lower() in names):
                 raise BadInput(
@@ -287,6 +295,12 @@ class Corrections:
 
 
 NO_CORRECTIONS = Corrections()
+
+
+def applied_transducer(spectrum: Spectrum) -> str:
+    """Names of the transducers that the receiver has applied, according to the header of its file; empty if there is none."""
+    names = [name.strip() for name in str(spectrum.metadata.get("transducer", "")).split(";")]
+    return "; ".join(name for name in names if name.lower() not in _NO_TRANSDUCER)
 
 
 def read_corrections(path: str | Path, confirm: Callable[[str], bool] | None = None) -> Corrections:

@@ -13,7 +13,7 @@ from motoremi.data.units import are_units
 from motoremi.errors import BadInput
 
 BLANK = " "
-EXAMPLE = "put a line such as 'frequency_hz,resistance_ohm,reactance_ohm' above the numbers"
+IMPEDANCE_EXAMPLE = "frequency_hz,resistance_ohm,reactance_ohm"
 _SEPARATORS = (";", "\t", ",")
 # Marks of comments: the first anywhere, the others above the numbers only, where no row can begin with them.
 COMMENT, _COMMENTS_ABOVE = "#", "#%*!"
@@ -89,7 +89,7 @@ def split_head(lines: Sequence[str]) -> Head:
     return Head(tuple(comments), (content[texts[0]],), tuple(content[texts[0] + 1 :]))
 
 
-def column_names(head: Head, where: str) -> Names:
+def column_names(head: Head, where: str, example: str = IMPEDANCE_EXAMPLE) -> Names:
     """The column names, from the line above the first row or from the last comment.
 
     Parameters
@@ -98,6 +98,8 @@ def column_names(head: Head, where: str) -> Names:
         With at least one row.
     where : str
         File and line of the first row, for messages.
+    example : str
+        Names to propose if there are none, with commas.
 
     Raises
     ------
@@ -105,9 +107,10 @@ def column_names(head: Head, where: str) -> Names:
         If there are none, or they are fewer than the values in the first row.
     """
     row = head.rows[0].text
+    advice = _advice(example, row)
     *above, named = [None, *(comment for comment in head.comments if comment.text), *head.texts]
     if named is None:
-        raise BadInput(f"{where}: numbers where the column names are needed; {EXAMPLE}")
+        raise BadInput(f"{where}: numbers where the column names are needed; {advice}")
     separator = _separator(named.text if head.texts else row)
     of_row = separator if separator in row else BLANK
     count = len(cells_of(row, of_row))
@@ -118,11 +121,18 @@ def column_names(head: Head, where: str) -> Names:
         if len(with_names) == len(titles):
             titles = [f"{name} [{unit}]" if unit else name for name, unit in zip(with_names, titles, strict=True)]
     if len(titles) < 2 and not head.texts:
-        raise BadInput(f"{where}: numbers where the column names are needed; {EXAMPLE}")
+        raise BadInput(f"{where}: numbers where the column names are needed; {advice}")
     unlike = count < len(titles) and not head.texts
     if unlike or count - len(titles) > _empty_at_end(row, of_row):
-        raise BadInput(f"{where}: {_wrong_number(row, of_row, count, titles, named)}")
+        raise BadInput(f"{where}: {_wrong_number(row, of_row, count, titles, named, advice)}")
     return Names(tuple(titles), of_row)
+
+
+def _advice(example: str, row: str) -> str:
+    """The line of names to write above a row; commas would not fit one with semicolons, or with tabs and decimal commas."""
+    separator = _separator(row)
+    fitting = BLANK if separator == "\t" and "," in row else ";" if separator == ";" else ","
+    return f"put a line such as '{example.replace(',', fitting)}' above the numbers"
 
 
 def _titles(line: str, separator: str, count: int) -> list[str]:
@@ -187,11 +197,11 @@ def _empty_at_end(row: str, separator: str) -> int:
     return next((place for place, cell in enumerate(reversed(cells)) if cell), len(cells))
 
 
-def _wrong_number(row: str, separator: str, count: int, titles: Sequence[str], named: Line) -> str:
+def _wrong_number(row: str, separator: str, count: int, titles: Sequence[str], named: Line, advice: str) -> str:
     if hint := decimal_comma_hint(cells_of(row, separator), separator, len(titles)):
         return f"{count} values for {len(titles)} columns{hint}"
     shown = clean_text(", ".join(titles), 80)
     return (
         f"no row of column names with units found: line {named.number} ({shown}) has {len(titles)} of them for {count} values; "
-        f"{EXAMPLE}, with a name for each"
+        f"{advice}, with a name for each"
     )

@@ -3,32 +3,53 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import FloatArray
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
+from motoremi.data.repeated import Levels, spectrum_of
 from motoremi.data.spectrum import DETECTORS, Spectrum
+from motoremi.data.spectrum_header import kept_header
 from motoremi.data.text import clean_text
-from motoremi.data.text_file import split_lines
+from motoremi.data.text_file import of_file, split_lines
 from motoremi.errors import BadInput
+from motoremi.quantities import show
 
 _SCAN = re.compile(r"scan (\d+)$")
 _TRACE = re.compile(r"trace (\d+)( final)?$")
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 _LEVELS = {"dbuv": 0.0, "dbm": DBUV_OF_0_DBM}
 _DETECTOR_KEYS = ("detector", "scan detector")
+_FINAL_DETECTOR_KEYS = ("final detector", "detector")
+# Settings of a trace that may stand in the head: they are read, and are not those of every spectrum of the file.
+_OF_A_TRACE = ("rbw", "detector", "scan detector", "trace mode", "x-unit", "y-unit")
+# Settings and their lines, by key.
+_Settings: TypeAlias = dict[str, tuple[list[str], int]]
 
 
 @dataclass
 class _Section:
-    """Settings of the file's head, a scan or a trace, with the line of each."""
+    """Settings of the file's head, a scan, a trace or a list of final values."""
 
-    settings: dict[str, tuple[list[str], int]] = field(default_factory=dict)
+    settings: _Settings = field(default_factory=dict)
     rows: list[tuple[list[str], int]] = field(default_factory=list)
+
+
+@dataclass
+class _File:
+    """The sections of a file; scans and traces by their headings."""
+
+    head: _Section = field(default_factory=_Section)
+    scans: dict[str, _Section] = field(default_factory=dict)
+    traces: dict[str, _Section] = field(default_factory=dict)
+    finals: list[_Section] = field(default_factory=list)
 
 
 def is_receiver_dat(text: str) -> bool:
@@ -39,38 +60,34 @@ def is_receiver_dat(text: str) -> bool:
 def parse_receiver_dat(text: str, name: str) -> list[Spectrum]:
     """One spectrum for each trace, and for each resolution bandwidth where the scans of a trace differ in it.
 
-    Lists of final measurements are left out: they are single frequencies, not spectra.
+    Lists of final measurements are left out, because they are single frequencies and no spectra; the metadata `final_values_left_out` say so.
+    Detector and units of a trace may stand in the head of the file.
 
     Raises
     ------
     BadInput
         If a trace is cut off, or holds anything but levels of a known detector against frequency.
     """
-    head, scans, traces = _sections(text, name)
-    _check_end(text, traces, name)
-    if not traces:
+    file = _sections(text, name)
+    _check_end(text, file.traces, name)
+    if not file.traces:
         raise BadInput(f"{name}: holds no trace; export the scan with its data")
-    comma = _decimal_comma([*traces.values(), *scans.values(), head], name)
-    metadata = {key: ";".join(cells) for key, (cells, _) in head.settings.items() if cells}
+    comma = _decimal_comma([*file.traces.values(), *file.scans.values(), file.head], name)
+    metadata = kept_header({key: ";".join(cells) for key, (cells, _) in file.head.settings.items() if cells and key not in _OF_A_TRACE})
+    if left_out := _final_values(file, comma):
+        metadata["final_values_left_out"] = left_out
     spectra: list[Spectrum] = []
-    for label, trace in traces.items():
-        detector, frequency, level = _trace(trace, f"{name}, {label}", comma)
-        for part, bandwidth in _parts(head, scans, trace, frequency, name, comma):
-            spectra.append(_spectrum(name, label, detector, frequency[part], level[part], bandwidth, metadata))
+    for label, trace in file.traces.items():
+        detector, frequency, level = _trace(file, trace, f"{name}, {label}", comma)
+        for part, bandwidth in _parts(file, trace, frequency, name, comma):
+            levels = Levels(frequency[part], level[part])
+            spectra.append(of_file(f"{name}, {label}", partial(spectrum_of, detector, levels, bandwidth, {**metadata, "trace": label})))
     return spectra
 
 
-def _spectrum(name: str, label: str, detector: str, frequency: FloatArray, level: FloatArray, bandwidth: float, metadata: JsonDict) -> Spectrum:
-    try:
-        return Spectrum(detector, frequency, level, bandwidth, None, {**metadata, "trace": label})
-    except BadInput as error:
-        raise BadInput(f"{name}, {label}: {error}") from error
-
-
-def _sections(text: str, name: str) -> tuple[_Section, dict[str, _Section], dict[str, _Section]]:
-    head = current = _Section()
-    scans: dict[str, _Section] = {}
-    traces: dict[str, _Section] = {}
+def _sections(text: str, name: str) -> _File:
+    file = _File()
+    current = file.head
     values_left = 0
     for number, raw in enumerate(split_lines(text), start=1):
         cells = [cell.strip() for cell in raw.split(";")]
@@ -87,27 +104,29 @@ def _sections(text: str, name: str) -> tuple[_Section, dict[str, _Section], dict
             continue
         scan, trace = _SCAN.match(key), _TRACE.match(key)
         if scan:
-            current = scans.setdefault(key, _Section())
+            current = file.scans.setdefault(key, _Section())
         elif trace:
             current = _Section()
-            if key in traces:
+            if key in file.traces:
                 raise BadInput(f"{name}, line {number}: {key} occurs twice; export each trace once")
-            if not trace.group(2):
-                traces[key] = current
+            if trace.group(2):
+                file.finals.append(current)
+            else:
+                file.traces[key] = current
         elif key == "values":
             values_left = _count(cells, f"{name}, line {number}")
-            if current is head or current in scans.values():
+            if current is file.head or current in file.scans.values():
                 # An export of a single trace may have no heading for it.
-                if traces:
+                if file.traces:
                     raise BadInput(f"{name}, line {number}: values outside a trace")
-                current = traces["trace 1"] = _Section({**head.settings, **current.settings})
+                current = file.traces["trace 1"] = _Section({**file.head.settings, **current.settings})
         elif looks_numeric(cells[0]):
             raise BadInput(f"{name}, line {number}: more rows than 'Values' announced")
         else:
             current.settings[key] = (cells[1:], number)
     if values_left:
         raise BadInput(f"{name}: {values_left} more rows were announced; the file is cut off")
-    return head, scans, traces
+    return file
 
 
 def _check_end(text: str, traces: dict[str, _Section], name: str) -> None:
@@ -145,13 +164,11 @@ def _number(cell: str, where: str, comma: bool) -> float:
     return parse_number(cell.replace(",", ".", 1) if comma else cell, where)
 
 
-def _trace(trace: _Section, where: str, comma: bool) -> tuple[str, FloatArray, FloatArray]:
-    written = next((trace.settings[key][0] for key in _DETECTOR_KEYS if key in trace.settings), [])
-    detector = detector_name(written[0]) if written else ""
-    if detector not in DETECTORS:
-        raise BadInput(f"{where}: the detector is {clean_text(written[0], 40) if written else 'not stated'!r}; use one of {', '.join(DETECTORS)}")
-    factor = _unit(trace, "x-unit", _HERTZ, "Hz", where)
-    offset = _unit(trace, "y-unit", _LEVELS, "dBuV or dBm", where)
+def _trace(file: _File, trace: _Section, where: str, comma: bool) -> tuple[str, FloatArray, FloatArray]:
+    settings = {**file.head.settings, **trace.settings}
+    detector = _detector(file, trace, where)
+    factor = _unit(settings, "x-unit", _HERTZ, "Hz", where)
+    offset = _unit(settings, "y-unit", _LEVELS, "dBuV or dBm", where)
     for cells, line in trace.rows:
         if len(cells) != 2:
             raise BadInput(f"{where}, line {line}: {len(cells)} values where frequency and level are needed; the row or the file is cut off")
@@ -159,23 +176,70 @@ def _trace(trace: _Section, where: str, comma: bool) -> tuple[str, FloatArray, F
     return detector, numbers[:, 0] * factor, numbers[:, 1] + offset
 
 
-def _unit(trace: _Section, key: str, known: dict[str, float], wanted: str, where: str) -> float:
-    cells = trace.settings.get(key, ([], 0))[0]
+def _detector(file: _File, trace: _Section, where: str) -> str:
+    """The detector of a trace, which the head states only if the file has no other trace."""
+    written = _written_detector(trace.settings, _DETECTOR_KEYS)
+    if not written and (of_all := _written_detector(file.head.settings, _DETECTOR_KEYS)):
+        if len(file.traces) > 1:
+            shown = clean_text(of_all, 40)
+            raise BadInput(f"{where}: the detector {shown!r} is stated for the file and not for each of its traces; export each trace by itself")
+        written = of_all
+    detector = detector_name(written)
+    if detector not in DETECTORS:
+        raise BadInput(f"{where}: the detector is {clean_text(written, 40) or 'not stated'!r}; use one of {', '.join(DETECTORS)}")
+    return detector
+
+
+def _written_detector(settings: _Settings, keys: Sequence[str]) -> str:
+    written = next((settings[key][0] for key in keys if key in settings), [])
+    return written[0] if written else ""
+
+
+def _unit(settings: _Settings, key: str, known: dict[str, float], wanted: str, where: str) -> float:
+    cells = settings.get(key, ([], 0))[0]
     unit = cells[0].replace("µ", "u").replace("μ", "u") if cells else ""
     if unit.lower() not in known:
         raise BadInput(f"{where}: its {key} is {clean_text(unit, 20) or 'not stated'!r}; set it to {wanted} and export again")
     return known[unit.lower()]
 
 
-def _parts(head: _Section, scans: dict[str, _Section], trace: _Section, frequency: FloatArray, name: str, comma: bool) -> list[tuple[slice, float]]:
+def _final_values(file: _File, comma: bool) -> str:
+    """What is left out of lists of final measurements, in words, with the highest value of each detector; empty without such a list."""
+    count = sum(len(section.rows) for section in file.finals)
+    if not count:
+        return ""
+    told = "1 final value in the file is left out" if count == 1 else f"{count} final values in the file are left out"
+    try:
+        readings = [one for section in file.finals for one in _final_readings(section, file.head, comma)]
+    except BadInput:
+        return f"{told}; their levels cannot be read"
+    highest: dict[str, tuple[float, float]] = {}
+    for detector, level, frequency in readings:
+        highest[detector] = max((level, frequency), highest.get(detector, (-np.inf, 0.0)))
+    each = [f"{level:.1f} dBuV at {show(frequency, 'Hz')} ({detector})" for detector, (level, frequency) in highest.items()]
+    return f"{told}, {'' if count == 1 else 'the highest '}{' and '.join(each)}"
+
+
+def _final_readings(section: _Section, head: _Section, comma: bool) -> Iterator[tuple[str, float, float]]:
+    """Detector, level in dBuV and frequency in hertz of each final value; a row is trace, frequency, level and more."""
+    settings = {**head.settings, **section.settings}
+    detector = detector_name(_written_detector(section.settings, _FINAL_DETECTOR_KEYS)) or "detector not stated"
+    factor, offset = _unit(settings, "x-unit", _HERTZ, "Hz", ""), _unit(settings, "y-unit", _LEVELS, "dBuV", "")
+    for cells, line in section.rows:
+        if len(cells) < 3:
+            raise BadInput(f"line {line}: no final value")
+        yield detector, _number(cells[2], f"line {line}", comma) + offset, _number(cells[1], f"line {line}", comma) * factor
+
+
+def _parts(file: _File, trace: _Section, frequency: FloatArray, name: str, comma: bool) -> list[tuple[slice, float]]:
     """The points of each resolution bandwidth; all points if the scans share one bandwidth."""
-    own = [_quantity(section, "rbw", name, comma) for section in (trace, *scans.values(), head) if "rbw" in section.settings]
+    own = [_quantity(section, "rbw", name, comma) for section in (trace, *file.scans.values(), file.head) if "rbw" in section.settings]
     if not own:
         raise BadInput(f"{name}: does not state the resolution bandwidth (RBW)")
     if "rbw" in trace.settings or len(set(own)) == 1:
         return [(slice(None), own[0])]
     bands = []
-    for label, scan in scans.items():
+    for label, scan in file.scans.items():
         if not {"start", "stop", "rbw"} <= set(scan.settings):
             raise BadInput(f"{name}, {label}: needs Start, Stop and RBW, since the scans differ in bandwidth")
         bands.append(tuple(_quantity(scan, key, name, comma) for key in ("start", "stop", "rbw")))

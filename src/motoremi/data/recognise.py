@@ -8,10 +8,11 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from motoremi.data.files import SPECTRUM_COLUMNS, WrongKind, parse_impedance, parse_spectra
+from motoremi.data.files import parse_impedance, parse_spectra
 from motoremi.data.spectrum import Spectrum
+from motoremi.data.spectrum_table import SPECTRUM_COLUMNS
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, Termination
-from motoremi.data.text_file import decode, refuse_empty
+from motoremi.data.text_file import WrongKind, decode, refuse_empty
 from motoremi.errors import BadInput
 
 Kind: TypeAlias = Literal["impedance", "spectrum"]

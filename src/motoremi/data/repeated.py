@@ -1,14 +1,15 @@
-"""Rows with the same frequency: averaged if they agree, refused if they do not."""
+"""Rows with the same frequency: those of a sweep are averaged if they agree; of levels the highest is kept."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motoremi.arrays import BoolArray, FloatArray
+from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.rows import Rows
+from motoremi.data.spectrum import Spectrum
 from motoremi.errors import BadInput
 from motoremi.quantities import percent
 
@@ -49,6 +50,55 @@ def merge_duplicates(rows: Rows) -> Rows:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Levels against frequency, before a spectrum is made of them.
+
+    Parameters
+    ----------
+    frequency_hz, level_dbuv : ndarray, shape (n,)
+    overload : ndarray of bool, shape (n,), or None
+    changes : tuple of str
+        What was left out, in words.
+    """
+
+    frequency_hz: FloatArray
+    level_dbuv: FloatArray
+    overload: BoolArray | None = None
+    changes: tuple[str, ...] = ()
+
+
+def keep_highest(levels: Levels) -> Levels:
+    """One level for each frequency: the higher of two, which is the cautious one for a limit.
+
+    Raises
+    ------
+    BadInput
+        If a frequency occurs more than twice, or one of two readings is overloaded.
+    """
+    frequency, level = levels.frequency_hz, levels.level_dbuv.copy()
+    firsts = np.flatnonzero(_same_as_next(frequency))
+    if firsts.size == 0:
+        return levels
+    for row in firsts[1:][np.diff(firsts) == 1][:1]:
+        raise BadInput(f"the frequency {frequency[row]:.9g} Hz occurs more than twice; keep one row of it")
+    marks = np.zeros(frequency.shape, dtype=np.bool_) if levels.overload is None else levels.overload
+    for row in firsts[marks[firsts] != marks[firsts + 1]][:1]:
+        raise BadInput(f"the frequency {frequency[row]:.9g} Hz occurs twice, once overloaded; keep the row that is not")
+    apart = float(np.abs(level[firsts] - level[firsts + 1]).max())
+    level[firsts] = np.maximum(level[firsts], level[firsts + 1])
+    kept = np.delete(np.arange(frequency.size), firsts + 1)
+    told = f"{_which(frequency[firsts])} twice, readings up to {apart:.2g} dB apart: the higher is kept"
+    return Levels(frequency[kept], level[kept], None if levels.overload is None else marks[kept], (*levels.changes, told))
+
+
+def spectrum_of(detector: str, levels: Levels, bandwidth_hz: float, metadata: JsonDict) -> Spectrum:
+    """A spectrum with one level for each frequency (`keep_highest`); `changes` of its metadata record what was left out."""
+    kept = keep_highest(levels)
+    noted = {"changes": list(kept.changes)} if kept.changes else {}
+    return Spectrum(detector, kept.frequency_hz, kept.level_dbuv, bandwidth_hz, kept.overload, {**metadata, **noted})
+
+
 def _same_as_next(frequency: FloatArray) -> BoolArray:
     """For each row but the last, whether the next has the same frequency; decreasing frequencies are left to the sweep's own check."""
     if frequency.size < 2 or not np.all(np.isfinite(frequency)) or np.any(frequency <= 0):
@@ -74,7 +124,10 @@ def _differences(rows: Rows, firsts: NDArray[np.intp]) -> FloatArray:
     return differences
 
 
-def _description(frequency: FloatArray, differences: FloatArray) -> str:
+def _which(frequency: FloatArray) -> str:
     first = f"{frequency[0] / 1e6:.9g} MHz"
-    which = f"{first} occurs" if frequency.size == 1 else f"{frequency.size} frequencies, {first} the first, occur"
-    return f"{which} twice, values up to {percent(100 * differences.max(), 2)} apart: averaged"
+    return f"{first} occurs" if frequency.size == 1 else f"{frequency.size} frequencies, {first} the first, occur"
+
+
+def _description(frequency: FloatArray, differences: FloatArray) -> str:
+    return f"{_which(frequency)} twice, values up to {percent(100 * differences.max(), 2)} apart: averaged"

@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.columns import Column
+from motoremi.data.immittance import column_values
 from motoremi.data.quantity import ports_written
-from motoremi.data.sweep import inside_band
+from motoremi.data.sweep import check_order, inside_band
+from motoremi.data.table import Table
 from motoremi.errors import BadInput
 
 # Both ends of a band in hertz.
@@ -93,3 +96,11 @@ def refuse_between_ports(header: Mapping[str, Any], name: str) -> None:
     written = next((ports_written(value) for key, value in header.items() if key.lower() == "fixture"), "")
     if written:
         raise BadInput(f"{name}: its header says fixture {written}, but it holds the reflection at one port; save S21 (.s2p), or remove that line")
+
+
+def rising_frequency(table: Table, column: Column) -> FloatArray:
+    """The frequencies of a table in hertz; the first row of a lower one than before it is refused with its line."""
+    frequency = column_values(table, column)
+    for row in np.flatnonzero(np.diff(frequency) < 0)[:1]:
+        check_order(frequency[row + 1], frequency[row], table.where(int(row) + 1))
+    return frequency

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.sweep import checked_frequency
+from motoremi.data.text import clean_text
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.quantities import show, show_band
@@ -22,6 +24,35 @@ if TYPE_CHECKING:
 
 Detector = Literal["peak", "quasi-peak", "average", "cispr-average", "rms-average"]
 DETECTORS: tuple[Detector, ...] = get_args(Detector)
+MOTOR_RUNNING, MOTOR_OFF = "motor running", "motor off"
+# The state of the motor as people write it, in lower case; EUT and DUT are the equipment and the device under test.
+_CONDITIONS = {
+    **dict.fromkeys((MOTOR_RUNNING, "running", "motor on", "on", "eut on", "dut on"), MOTOR_RUNNING),
+    **dict.fromkeys((MOTOR_OFF, "off", "background", "background noise", "ambient", "ambient noise", "eut off", "dut off"), MOTOR_OFF),
+}
+
+
+def motor_condition(written: object) -> str:
+    """`MOTOR_RUNNING` or `MOTOR_OFF` in any of its spellings; other text as written."""
+    text = str(written)
+    return _CONDITIONS.get(re.sub(r"[\s_-]+", " ", text.strip().lower()), text)
+
+
+def known_condition(written: object) -> str:
+    """The state of the motor that the header of a spectrum names.
+
+    Raises
+    ------
+    BadInput
+        If it is not known, because a background would be judged as the motor.
+    """
+    condition = motor_condition(written)
+    if condition in (MOTOR_RUNNING, MOTOR_OFF):
+        return condition
+    raise BadInput(
+        f"unknown condition {clean_text(condition, 40)!r}: write '# condition: {MOTOR_OFF}' (or background, ambient, off) for a background, "
+        f"'# condition: {MOTOR_RUNNING}' for the motor, and its operating state in a line '# operating: ...'"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +126,17 @@ class Spectrum:
     @property
     def condition(self) -> str:
         """State of the motor according to the metadata; "motor running" if it is not stated."""
-        return str(self.metadata.get("condition", "motor running"))
+        return motor_condition(self.metadata.get("condition", MOTOR_RUNNING))
 
     @property
     def is_background(self) -> bool:
         """Whether it was measured with the motor off."""
-        return self.condition == "motor off"
+        return self.condition == MOTOR_OFF
+
+    @property
+    def level_unit(self) -> str:
+        """Unit of the levels: dBuV, or that of corrected levels."""
+        return str(self.metadata.get("level_unit", "dBuV"))
 
     def with_metadata(self, **extra: Any) -> Spectrum:
         """The same spectrum with more metadata."""
@@ -116,7 +152,8 @@ class Spectrum:
         """One line for a person."""
         span = show_band(float(self.frequency_hz[0]), float(self.frequency_hz[-1]))
         bandwidth = show(self.resolution_bandwidth_hz, "Hz")
-        return f"{len(self)} points, {span}, {self.detector} in {bandwidth}, up to {self.level_dbuv.max():.1f} dBuV"
+        background = f", background ({MOTOR_OFF})" if self.is_background else ""
+        return f"{len(self)} points, {span}, {self.detector} in {bandwidth}, up to {self.level_dbuv.max():.1f} {self.level_unit}{background}"
 
     def _repr_html_(self) -> str:
         return f"<b>{self.detector} spectrum</b>: {self.summary()}"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from motoremi.arrays import JsonDict
-from motoremi.data.layout import COMMENT, Names, cells_of, column_names, decimal_comma_hint, split_head
+from motoremi.data.layout import COMMENT, IMPEDANCE_EXAMPLE, Names, cells_of, column_names, decimal_comma_hint, split_head
 from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
 from motoremi.data.plain import from_json
 from motoremi.data.text import clean_text, clean_value
@@ -63,8 +63,8 @@ class Table:
         return replace(self, rows=[self.rows[row] for row in rows], lines=[self.lines[row] for row in rows])
 
 
-def parse_table(text: str, name: str) -> Table:
-    """Split a text table.
+def parse_table(text: str, name: str, example: str = IMPEDANCE_EXAMPLE) -> Table:
+    """Split a text table; `example` are column names to propose if there are none.
 
     The column names are the line above the first row of numbers, or the last comment above it. The columns are separated by a semicolon, a
     tab or a comma, the first of these, in this order, that the names contain, or by blanks. With all but the comma the decimal sign may be
@@ -84,7 +84,7 @@ def parse_table(text: str, name: str) -> Table:
         raise BadInput(f"{name}: holds comments only; a row with column names and rows of numbers are needed")
     if not head.rows:
         raise BadInput(f"{name}: holds a row of column names but no numbers")
-    names = column_names(head, f"{name}, line {head.rows[0].number}")
+    names = column_names(head, f"{name}, line {head.rows[0].number}", example)
     rows: list[list[str]] = []
     lines: list[int] = []
     for line in head.rows:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import re
 import stat
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
@@ -22,6 +24,11 @@ _OTHER_FILES = (
     (b"%PDF", "is a PDF; export the measurement as text or CSV"),
 )
 _ASCII_CONTROL = bytes(code for code in range(32) if code not in b"\t\n\r\f")
+Made = TypeVar("Made")
+
+
+class WrongKind(BadInput):
+    """A file that holds a spectrum where a sweep was expected, or the other way round."""
 
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
@@ -103,3 +110,11 @@ def show_name(path: str | os.PathLike[str]) -> str:
 def file_name(path: str | os.PathLike[str]) -> str:
     """The last part of a path: the names of folders may be private and do not belong in a report."""
     return clean_text(Path(path).name)
+
+
+def of_file(name: str, make: Callable[[], Made]) -> Made:
+    """Call `make`, and add the file's name to its `BadInput`."""
+    try:
+        return make()
+    except BadInput as error:
+        raise BadInput(f"{name}: {error}") from error

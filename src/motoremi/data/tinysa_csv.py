@@ -8,8 +8,9 @@ import numpy as np
 
 from motoremi.data.detectors import DBUV_OF_0_DBM
 from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
+from motoremi.data.repeated import Levels, spectrum_of
 from motoremi.data.spectrum import Spectrum
-from motoremi.data.text_file import split_lines
+from motoremi.data.text_file import of_file, split_lines
 from motoremi.errors import BadInput
 
 _DELIMITER = re.compile(r"\s*[,;\t]\s*|\s+")
@@ -54,10 +55,8 @@ def parse_tinysa(text: str, name: str) -> Spectrum:
     if factor == 1.0 and frequency.max() < 1e5:
         raise BadInput(f"{name}: the unit of its frequencies is not stated; put a line 'frequency_hz,level_dbm' above them")
     metadata = {"detector_assumed": True, "rbw_assumed": True, "read_as": f"dBm in 50 Ohm, frequency in {'MHz' if factor > 1 else 'Hz'}"}
-    try:
-        return Spectrum("peak", frequency * factor, level + DBUV_OF_0_DBM, 9e3, None, metadata)
-    except BadInput as error:
-        raise BadInput(f"{name}: {error}") from error
+    levels = Levels(frequency * factor, level + DBUV_OF_0_DBM)
+    return of_file(name, lambda: spectrum_of("peak", levels, 9e3, metadata))
 
 
 def _cells(line: str) -> list[str]:

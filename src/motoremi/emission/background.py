@@ -31,7 +31,10 @@ def ambient_of(background: Sequence[Spectrum]) -> Ambient | None:
     assert first is not None
     grid = first.frequency_hz
     average_dbuv = first.level_dbuv if average is not None else first.level_dbuv - _PEAK_ABOVE_AVERAGE_DB
-    peak_dbuv = average_dbuv + _PEAK_ABOVE_AVERAGE_DB if peak is None else np.interp(grid, peak.frequency_hz, peak.level_dbuv)
+    peak_dbuv = average_dbuv + _PEAK_ABOVE_AVERAGE_DB
+    if peak is not None:
+        measured = (grid >= peak.frequency_hz[0]) & (grid <= peak.frequency_hz[-1])
+        peak_dbuv = np.where(measured, np.interp(grid, peak.frequency_hz, peak.level_dbuv), peak_dbuv)
     return Ambient(grid, np.asarray(average_dbuv), np.asarray(peak_dbuv))
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from motoremi.arrays import BoolArray, FloatArray
 from motoremi.errors import BadInput
 
 
@@ -67,6 +70,10 @@ PULSE_TABLE_DB = {
 # Impulse area (EMF, V s) with the quasi-peak reading of a sine of 66 dBuV EMF (60 dBuV at the input) at the reference rate; not confirmed.
 REFERENCE_PULSE_VS = {"A": 13.5e-6, "B": 0.316e-6}
 
+# Deviation of a bandwidth from the nominal one: 8 to 10 kHz in band B and 180 to 220 Hz in band A, CISPR 16-1-1 from memory, not checked against
+# the standard. Spectrum analysers without EMI filters have 10 kHz.
+BANDWIDTH_TOLERANCE = 0.12
+
 
 def band_of(resolution_bandwidth_hz: float) -> Band:
     """The band that a bandwidth belongs to.
@@ -77,7 +84,28 @@ def band_of(resolution_bandwidth_hz: float) -> Band:
         If no band has that bandwidth.
     """
     for band in BANDS:
-        if math.isclose(band.bandwidth_hz, resolution_bandwidth_hz, rel_tol=0.02):
+        if abs(resolution_bandwidth_hz / band.bandwidth_hz - 1) <= BANDWIDTH_TOLERANCE:
             return band
     known = ", ".join(f"{band.bandwidth_hz:g} Hz (band {band.name})" for band in BANDS)
     raise BadInput(f"a resolution bandwidth of {resolution_bandwidth_hz:g} Hz belongs to no known band: {known}")
+
+
+def band_at(frequency_hz: float) -> Band:
+    """The band of a frequency; the nearest one outside of all."""
+    return min(BANDS, key=lambda band: max(band.span_hz[0] / frequency_hz, frequency_hz / band.span_hz[1]))
+
+
+def misread(frequency_hz: FloatArray, resolution_bandwidth_hz: float, low: bool) -> BoolArray:
+    """Points at which a bandwidth is too narrow for the band, so that it reads too low (`low`), or too wide.
+
+    At a common end of two bands either bandwidth is right; outside of all bands any.
+    """
+    wrong, right = np.zeros((2, *frequency_hz.shape), dtype=np.bool_)
+    for band in BANDS:
+        inside = (frequency_hz >= band.span_hz[0]) & (frequency_hz <= band.span_hz[1])
+        ratio = resolution_bandwidth_hz / band.bandwidth_hz
+        if ratio < 1 - BANDWIDTH_TOLERANCE if low else ratio > 1 + BANDWIDTH_TOLERANCE:
+            wrong |= inside
+        else:
+            right |= inside
+    return wrong & ~right

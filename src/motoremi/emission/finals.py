@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.corrections import Corrections
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.judge import ORDER, Judged, judge_spectra, line_for, verdict_of
@@ -101,13 +101,11 @@ def choose_maxima(spectra: Sequence[Spectrum], limit: Limit, rules: Rules) -> tu
 def _maxima_of(spectrum: Spectrum, limit: Limit) -> Iterable[Maximum]:
     """Local maxima with their margins to the limit lines of the same detector and of detectors that read lower."""
     level = spectrum.level_dbuv
-    padded = np.concatenate([[-np.inf], level, [-np.inf]])
-    tops = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
     rank = ORDER.index(spectrum.detector)
     lines = [line for line in limit.lines if line is line_for(limit, spectrum.detector) or rank < ORDER.index(line.detector)]
     for line in lines:
         margin = line.level_dbuv(spectrum.frequency_hz) - level
-        for index in np.flatnonzero(tops & np.isfinite(margin)):
+        for index in np.flatnonzero(tops(level, np.isfinite(margin))):
             yield Maximum(
                 float(spectrum.frequency_hz[index]),
                 float(level[index]),
@@ -116,6 +114,12 @@ def _maxima_of(spectrum: Spectrum, limit: Limit) -> Iterable[Maximum]:
                 str(spectrum.metadata.get("line", "")),
                 str(spectrum.metadata.get("operating", "")),
             )
+
+
+def tops(level_dbuv: FloatArray, limited: BoolArray) -> BoolArray:
+    """Local maxima within each part of a spectrum that has a limit; an end of such a part is one if it is higher than the point beside it."""
+    padded = np.concatenate([[-np.inf], np.where(limited, level_dbuv, -np.inf), [-np.inf]])
+    return limited & (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
 
 
 @dataclass(frozen=True)
@@ -221,10 +225,10 @@ def judge_finals(values: Sequence[Final], limit: Limit, expanded_uncertainty_db:
         worst = min(usable, key=lambda value: value.margin_db or 0.0)
         margin = worst.margin_db or 0.0
         side = "below" if margin >= 0 else "above"
-        why = f"final value {side} the {line.detector} limit by {abs(margin):.1f} dB at {worst.frequency_hz / 1e6:.4g} MHz"
+        why = f"final value {side} the {line.detector} limit by {abs(margin):.1f} dB at {worst.frequency_hz / 1e6:.6g} MHz"
         left_out = len(own) - len(usable)
         verdict = verdict_of(margin, expanded_uncertainty_db)
         if left_out and verdict == "pass":
             verdict, why = "marginal", f"{why}; {left_out} overloaded not judged"
-        judged.append(Judged(detector, line.detector, verdict, margin, worst.frequency_hz, len(usable), left_out, why))
+        judged.append(Judged(detector, line.detector, verdict, margin, worst.frequency_hz, len(usable), left_out, why, worst.line, worst.operating))
     return judged

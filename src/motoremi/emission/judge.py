@@ -7,6 +7,7 @@ the limit leaves the verdict open.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -15,10 +16,14 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.spectrum import Spectrum
+from motoremi.emission.band import band_at, misread
 from motoremi.emission.limit import Limit, LimitLine
 from motoremi.errors import BadInput
+from motoremi.quantities import show, show_band
 
 Verdict: TypeAlias = Literal["pass", "marginal", "fail"]
+# From the worst; levels without a verdict leave it open.
+WORST_FIRST: tuple[Verdict | None, ...] = ("fail", "marginal", None, "pass")
 # CISPR 16-4-2, conducted at the mains port, k = 2; from memory, not checked against the standard.
 EXPANDED_UNCERTAINTY_DB = 3.4
 # From the highest reading to the lowest.
@@ -41,6 +46,8 @@ class Judged:
     points, left_out : int
         Numbers of points that were judged, and that were not because the receiver was overloaded or there is no limit.
     why : str
+    conductor, operating : str
+        Line of the LISN and operating state of the motor; empty if not stated.
     """
 
     detector: str
@@ -51,10 +58,22 @@ class Judged:
     points: int
     left_out: int
     why: str
+    conductor: str = ""
+    operating: str = ""
+
+    @property
+    def what(self) -> str:
+        """The levels in words: detector, line of the LISN, operating state."""
+        return ", ".join(text for text in (self.detector, where_in_words(self.conductor, self.operating)) if text)
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
         return dict(vars(self))
+
+
+def where_in_words(conductor: str, operating: str) -> str:
+    """Line of the LISN and operating state as text; empty if neither is stated."""
+    return ", ".join(text for text in (f"line {conductor}" if conductor else "", operating) if text)
 
 
 def line_for(limit: Limit, detector: str) -> LimitLine | None:
@@ -73,8 +92,11 @@ def judge_levels(
     limit: Limit,
     expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB,
     overload: BoolArray | None = None,
+    resolution_bandwidth_hz: float | None = None,
 ) -> list[Judged]:
     """Levels of one detector against every limit line that applies to them.
+
+    A bandwidth narrower than that of the band reads too low, so such levels pass nothing; a wider one reads too high, so they fail nothing.
 
     Raises
     ------
@@ -105,6 +127,8 @@ def judge_levels(
                 why = f"{detector} is {why}: {line.detector} reads no higher, so it passes too"
             else:
                 verdict, why = None, f"{detector} is {why}: that does not decide on {line.detector}; measure with the {line.detector} detector"
+        if verdict is not None and (misread := _misread(frequency_hz[usable], resolution_bandwidth_hz, passes=verdict == "pass")):
+            verdict, why = None, f"{why}, but {misread}"
         found.append(Judged(detector, line.detector, verdict, least, at_hz, int(usable.sum()), left_out, why))
     return found
 
@@ -116,13 +140,55 @@ def verdict_of(margin_db: float, uncertainty_db: float) -> Verdict:
     return "fail" if margin_db < -uncertainty_db else "marginal"
 
 
+def _misread(frequency_hz: FloatArray, resolution_bandwidth_hz: float | None, passes: bool) -> str:
+    """Why levels of this bandwidth do not show that they pass, or fail; empty if they do."""
+    if resolution_bandwidth_hz is None:
+        return ""
+    wrong_hz = frequency_hz[misread(frequency_hz, resolution_bandwidth_hz, low=passes)]
+    if not wrong_hz.size:
+        return ""
+    band = band_at(float(np.median(wrong_hz)))
+    return (
+        f"a bandwidth of {show(resolution_bandwidth_hz, 'Hz')} reads too {'low' if passes else 'high'}: measure with "
+        f"{show(band.bandwidth_hz, 'Hz')} (band {band.name}, {show_band(*band.span_hz)})"
+    )
+
+
 def judge_spectra(spectra: Sequence[Spectrum], limit: Limit, expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB) -> list[Judged]:
-    """All measured spectra; points at which the receiver was overloaded are left out."""
-    return [
-        judged
-        for spectrum in spectra
-        for judged in judge_levels(spectrum.detector, spectrum.frequency_hz, spectrum.level_dbuv, limit, expanded_uncertainty_db, spectrum.overload)
-    ]
+    """All measured spectra; points at which the receiver was overloaded are left out.
+
+    Spectra of one detector, line of the LISN and operating state, such as the parts of the span, are judged together.
+    """
+    found: dict[tuple[str, ...], Judged] = {}
+    for spectrum in spectra:
+        conductor, operating = place_of(spectrum)
+        for one in judge_levels(
+            spectrum.detector,
+            spectrum.frequency_hz,
+            spectrum.level_dbuv,
+            limit,
+            expanded_uncertainty_db,
+            spectrum.overload,
+            spectrum.resolution_bandwidth_hz,
+        ):
+            key = one.detector, one.line, conductor, operating
+            own = dataclasses.replace(one, conductor=conductor, operating=operating)
+            found[key] = _together(found[key], own) if key in found else own
+    return list(found.values())
+
+
+def place_of(spectrum: Spectrum) -> tuple[str, str]:
+    """Line of the LISN and operating state of a spectrum; empty if not stated."""
+    return str(spectrum.metadata.get("line", "")), str(spectrum.metadata.get("operating", ""))
+
+
+def _together(one: Judged, other: Judged) -> Judged:
+    """The worse of two, with the points of both; one without any point decides nothing beside one with points."""
+    if not (one.points and other.points):
+        worse = one if one.points else other
+    else:
+        worse = min((one, other), key=lambda judged: (WORST_FIRST.index(judged.verdict), judged.worst_margin_db or 0.0))
+    return dataclasses.replace(worse, points=one.points + other.points, left_out=one.left_out + other.left_out)
 
 
 def judge_prediction(

@@ -11,6 +11,7 @@ from scipy.ndimage import median_filter
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import band_of
+from motoremi.emission.judge import place_of, where_in_words
 from motoremi.errors import BadInput
 from motoremi.quantities import show
 
@@ -20,6 +21,10 @@ _LINES = 40
 LEAST_SCORE = 0.3
 # Range of the commutation rates of small and large motors.
 COMMUTATION_HZ = (50.0, 20e3)
+# No CISPR band begins below.
+LOWEST_HZ = 9e3
+# In bandwidths: half of one, and what rounding of written frequencies adds.
+LARGEST_STEP = 0.505
 # Peak minus average is at least this for noise and for separate pulses; it is 0 for lines.
 _LINES_DB = 3.0
 
@@ -124,25 +129,23 @@ def observations(spectra: Sequence[Spectrum]) -> list[JsonDict]:
             found.append({"id": "repetition", "text": text, "repetition_hz": rate})
     if comb is not None and comb.spacing_hz > COMMUTATION_HZ[1]:
         found.append({"id": "not-a-commutator", "text": "these spectra do not look like those of a commutator motor"})
-    if strongest is not None:
-        found += _form(strongest)
-    return found
+    return [*found, *(one for spectrum in spectra for one in unsuitable(spectrum))]
 
 
-def _form(spectrum: Spectrum) -> list[JsonDict]:
+def unsuitable(spectrum: Spectrum) -> list[JsonDict]:
+    """What of a scan's steps and readings is not as a comparison with a limit needs it."""
     found = []
+    what = where_in_words(*place_of(spectrum))
+    what = f"{spectrum.detector}, {what}" if what else spectrum.detector
     steps = np.diff(spectrum.frequency_hz)
-    if spectrum.frequency_hz[0] < 9e3:
-        found.append(
-            {"id": "below-9-khz", "text": f"{spectrum.detector}: starts at {spectrum.frequency_hz[0]:g} Hz; no CISPR band begins below 9 kHz"}
-        )
+    if spectrum.frequency_hz[0] < LOWEST_HZ:
+        found.append({"id": "below-9-khz", "text": f"{what}: starts at {spectrum.frequency_hz[0]:g} Hz; no CISPR band begins below 9 kHz"})
     if steps.max() > 1.5 * steps.min():
-        found.append({"id": "uneven-steps", "text": f"{spectrum.detector}: not in equal steps ({steps.min():.4g} to {steps.max():.4g} Hz)"})
-    elif steps.max() > 1.01 * spectrum.resolution_bandwidth_hz:
-        wide = f"steps of {show(float(steps.max()), 'Hz')} are wider than the bandwidth of {show(spectrum.resolution_bandwidth_hz, 'Hz')}"
-        text = f"{spectrum.detector}: {wide}: lines may be missed"
-        found.append({"id": "coarse-steps", "text": text})
+        found.append({"id": "uneven-steps", "text": f"{what}: not in equal steps ({steps.min():.4g} to {steps.max():.4g} Hz)"})
+    if steps.max() > LARGEST_STEP * spectrum.resolution_bandwidth_hz:
+        wide = f"steps of {show(float(steps.max()), 'Hz')} are wider than half the bandwidth of {show(spectrum.resolution_bandwidth_hz, 'Hz')}"
+        found.append({"id": "coarse-steps", "text": f"{what}: {wide}: lines may be missed or read too low"})
     if spectrum.overload.any():
-        text = f"{spectrum.detector}: the receiver was overloaded at {int(spectrum.overload.sum())} points; they are not judged"
+        text = f"{what}: the receiver was overloaded at {int(spectrum.overload.sum())} points; they are not judged"
         found.append({"id": "overload", "text": text})
     return found

@@ -16,9 +16,11 @@ from motoremi.data.corrections import NO_CORRECTIONS, Corrections
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.drawing import figure_of
 from motoremi.emission.background import ambient_of, split
+from motoremi.emission.compliance import compliance, of_prediction
 from motoremi.emission.finals import Final, final_values, judge_with_finals
-from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB, Judged, Verdict, judge_prediction, judge_spectra, overall
+from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB, Judged, Verdict, judge_prediction, judge_spectra
 from motoremi.emission.limit import Limit, find_limit
+from motoremi.emission.observe import unsuitable
 from motoremi.emission.setup import MotorImpedance, Setup, scan_frequencies
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 
 DEFAULT_LIMIT = "cispr32-b"
 SHOWN: tuple[Detector, ...] = ("peak", "quasi-peak", "average", "cispr-average", "rms-average")
+# Frequencies of two files that differ by less are the same, written with other digits.
+SAME_FREQUENCY = 1e-9
 # Bands for the table of errors, as discussed in the paper.
 BANDS_HZ = ((150e3, 500e3), (500e3, 5e6), (5e6, 20e6), (20e6, 30e6))
 
@@ -39,7 +43,7 @@ class Prediction:
     Parameters
     ----------
     frequency_hz : ndarray, shape (n,)
-        Frequencies of the first measured spectrum, or of the usual scan.
+        Those of all measured spectra, or of the usual scan.
     predicted_dbuv : dict
         Detector -> levels.
     spectra : tuple of Spectrum
@@ -52,6 +56,8 @@ class Prediction:
         Verdicts on the final values and the measured spectra if there are any, else on the prediction.
     judged_what : {"final", "measured", "predicted"}
     verdict : {"pass", "marginal", "fail"}
+    reasons : tuple of str
+        Why it is no pass, and where nothing was measured.
     effects : tuple of str
         Source-side effects in the model.
     expanded_uncertainty_db : float
@@ -69,22 +75,25 @@ class Prediction:
     judged: tuple[Judged, ...]
     judged_what: str
     verdict: Verdict
+    reasons: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB
     corrections: Corrections = NO_CORRECTIONS
     finals: tuple[Final, ...] = ()
 
     def measured_dbuv(self) -> dict[str, FloatArray]:
-        """Measured, corrected levels at the frequencies of the prediction; NaN at frequencies that are not within half a step of a measured one."""
+        """Measured, corrected levels at the frequencies of the prediction, the highest of all spectra of a detector.
+
+        NaN at frequencies that are not within half a step of a measured one.
+        """
         return self._on_axis(self.spectra)
 
     def _on_axis(self, spectra: Sequence[Spectrum]) -> dict[str, FloatArray]:
-        step = float(np.min(np.diff(self.frequency_hz)))
+        """The highest level of each detector; lines of the LISN, operating states and parts of the span are spectra of their own."""
         found: dict[str, FloatArray] = {}
         for spectrum in spectra:
-            nearest = np.clip(np.searchsorted(spectrum.frequency_hz, self.frequency_hz - step / 2), 0, len(spectrum) - 1)
-            near = np.abs(spectrum.frequency_hz[nearest] - self.frequency_hz) <= step / 2
-            found.setdefault(spectrum.detector, np.where(near, spectrum.level_dbuv[nearest], np.nan))
+            level = _nearest_level(spectrum, self.frequency_hz)
+            found[spectrum.detector] = np.fmax(found[spectrum.detector], level) if spectrum.detector in found else level
         return found
 
     def limit_dbuv(self) -> dict[str, FloatArray]:
@@ -116,11 +125,12 @@ class Prediction:
         """Remarks for the report."""
         parts = self.setup.assumed if self.predicted_dbuv else ()
         found = [f"the {part} was not described: typical values are assumed" for part in parts]
-        found += [f"{one.detector}: {one.left_out} of {one.points + one.left_out} points not judged" for one in self.judged if one.left_out]
+        found += [f"{one.what}: {one.left_out} of {one.points + one.left_out} points not judged" for one in self.judged if one.left_out]
         if self.limit.lisn != self.setup.path.lisn.name:
             found.append(f"{self.limit.title} is for the {self.limit.lisn} LISN, but the path has the {self.setup.path.lisn.name} one")
         if self.finals and (late := [one for one in self.finals if one.overload]):
             found.append(f"{len(late)} of {len(self.finals)} final values were overloaded: their true level is higher")
+        found += [str(one["text"]) for spectrum in self.spectra for one in unsuitable(spectrum)]
         return list(dict.fromkeys([*found, *self.corrections.remarks(), *self.limit.remarks()]))
 
     def to_dict(self) -> JsonDict:
@@ -132,6 +142,7 @@ class Prediction:
             "measured_dbuv": _lists(self.measured_dbuv()),
             "limit_dbuv": _lists(self.limit_dbuv()),
             "verdict": self.verdict,
+            "reasons": list(self.reasons),
             "judged_what": self.judged_what,
             "judged": [one.to_dict() for one in self.judged],
             "limit": self.limit.to_dict(),
@@ -149,7 +160,8 @@ class Prediction:
     def __repr__(self) -> str:
         lines = [f"Prediction: {self.verdict} ({self.judged_what}, {self.limit.title})"]
         lines += [f"  corrected for {one.name} ({one.kind})" for one in self.corrections.role("receiver")]
-        lines += [f"  {one.detector}: {one.verdict or 'no verdict'}, {one.why}" for one in self.judged]
+        lines += [f"  why: {reason}" for reason in self.reasons]
+        lines += [f"  {one.what}: {one.verdict or 'no verdict'}, {one.why}" for one in self.judged]
         for row in self.error_bands():
             low, high = row["band_hz"]
             lines.append(
@@ -164,6 +176,23 @@ class Prediction:
     def plot(self) -> Figure:
         """Predicted and measured levels with the limit."""
         return figure_of(self)
+
+
+def _nearest_level(spectrum: Spectrum, frequency_hz: FloatArray) -> FloatArray:
+    """Level of the nearest point; NaN where that is more than half a step away."""
+    own = spectrum.frequency_hz
+    middles = (own[1:] + own[:-1]) / 2
+    nearest = np.searchsorted(middles, frequency_hz)
+    steps = np.diff(own)
+    reach = np.maximum(np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])) / 2
+    near = np.abs(own[nearest] - frequency_hz) <= reach[nearest]
+    return np.where(near, spectrum.level_dbuv[nearest], np.nan)
+
+
+def _all_frequencies(spectra: Sequence[Spectrum]) -> FloatArray:
+    """The frequencies of all spectra, in order, each once."""
+    frequency = np.unique(np.concatenate([spectrum.frequency_hz for spectrum in spectra]))
+    return frequency[np.concatenate([[True], np.diff(frequency) > SAME_FREQUENCY * frequency[1:]])]
 
 
 def _lists(levels: dict[Detector, FloatArray] | dict[str, FloatArray]) -> dict[str, list[float | None]]:
@@ -195,7 +224,7 @@ def predict(
     limit : Limit, str or path
         A limit, its name, or the path of a file.
     frequency_hz : array_like, shape (n,), optional
-        By default those of the first measured spectrum, or 150 kHz to 30 MHz in 4.5 kHz.
+        By default those of all measured spectra, or 150 kHz to 30 MHz in 4.5 kHz.
     expanded_uncertainty_db : float
         Guard band.
     effects : sequence of str
@@ -226,7 +255,7 @@ def predict(
         if frequency.ndim != 1 or frequency.size < 2 or np.any(np.diff(frequency) <= 0) or frequency[0] <= 0:
             raise BadInput("the frequencies of a prediction must increase and be above 0")
     else:
-        frequency = running[0].frequency_hz if running else scan_frequencies(chosen.receiver.band)
+        frequency = _all_frequencies(running) if running else scan_frequencies(chosen.receiver.band)
     if background and chosen.ambient is None:
         chosen = replace(chosen, ambient=ambient_of(background))
     levels = {} if motor is None else chosen.levels(frequency, motor_function(motor, chosen)(frequency))
@@ -237,6 +266,7 @@ def predict(
         judged = judge_spectra(running, bound, guard_db)
     else:
         judged = judge_prediction(frequency, {str(name): level for name, level in levels.items()}, bound, guard_db)
+    shown = compliance(running, finals, judged, bound, guard_db) if running else of_prediction(judged, bound)
     return Prediction(
         frequency,
         levels,
@@ -246,7 +276,8 @@ def predict(
         bound,
         tuple(judged),
         "final" if values else "measured" if running else "predicted",
-        overall(judged, bound),
+        shown.verdict,
+        shown.reasons,
         tuple(effects),
         guard_db,
         corrections,

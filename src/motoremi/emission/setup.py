@@ -95,17 +95,24 @@ class Setup:
         return LevelModel(frequency_hz, motor_ohm, weigh).levels(self)
 
     def noise(self, frequency_hz: FloatArray) -> Readings:
-        """What the receiver reads with the motor off."""
-        if self.ambient is not None:
-            known = self.ambient
-            average, peak = (np.interp(frequency_hz, known.frequency_hz, level) for level in (known.average_dbuv, known.peak_dbuv))
-            return replace(self.receiver.noise(average), peak=1e-6 * 10 ** (peak / 20))
+        """What the receiver reads with the motor off: as measured, and its own noise where that was not measured."""
+        own = self._own_noise(frequency_hz)
+        if self.ambient is None:
+            return self.receiver.noise(own)
+        known = self.ambient
+        measured = (frequency_hz >= known.frequency_hz[0]) & (frequency_hz <= known.frequency_hz[-1])
+        average, peak = (np.interp(frequency_hz, known.frequency_hz, level) for level in (known.average_dbuv, known.peak_dbuv))
+        found = self.receiver.noise(np.where(measured, average, own))
+        return replace(found, peak=np.where(measured, 1e-6 * 10 ** (peak / 20), found.peak))
+
+    def _own_noise(self, frequency_hz: FloatArray) -> FloatArray:
+        """Average level of the receiver's noise, with a broadband ambient if one is known, in dBuV."""
         floor = np.full(frequency_hz.shape, self.receiver.floor_dbuv if self.floor_dbuv is None else self.floor_dbuv)
         floor = floor + self.corrections.added_db("receiver", frequency_hz)
         if self.broadband_dbuv is not None:
             ambient = self.broadband_dbuv - self.broadband_slope_db * np.log10(frequency_hz / 1e6)
             floor = 10 * np.log10(10 ** (floor / 10) + 10 ** (ambient / 10))
-        return self.receiver.noise(floor)
+        return floor
 
     def to_dict(self) -> JsonDict:
         """Plain data, SI units; `from_dict` reads it back. Ambient levels and corrections are not included: they are in the session."""

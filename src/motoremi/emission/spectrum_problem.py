@@ -43,7 +43,7 @@ class Problem:
     Parameters
     ----------
     spectra : sequence of Spectrum
-        Spectra of the running motor; several of one detector are averaged.
+        Spectra of the running motor; several of one detector at one frequency are averaged.
     motor : callable
         Impedance of the motor for the source.
     setup : Setup
@@ -60,15 +60,10 @@ class Problem:
         if not spectra:
             raise BadInput("there is no spectrum of the running motor to compare with")
         self.setup, self.ambient = replace(setup, ambient=None), ambient
-        levels: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
-        for spectrum in spectra:
-            usable = ~spectrum.overload
-            levels.setdefault(spectrum.detector, []).append((spectrum.frequency_hz[usable], spectrum.level_dbuv[usable]))
-        grid = levels[next(iter(levels))][0][0]
+        grid, whole = _common(spectra)
         if grid.size < 30:
-            raise BadInput(f"{grid.size} points that are not overloaded are too few to say which effect is missing")
-        self.detectors = tuple(levels)
-        whole = {detector: np.mean([np.interp(grid, f, level) for f, level in sweeps], axis=0) for detector, sweeps in levels.items()}
+            raise BadInput(f"{grid.size} points that are not overloaded, measured with every detector, are too few to say which effect is missing")
+        self.detectors = tuple(whole)
         self.stations = find_stations(grid, whole, setup.receiver.band)
         chosen = _chosen(grid, self.stations)
         self.grid_hz = grid[chosen]
@@ -131,6 +126,40 @@ class Problem:
     def _new_prediction(self, effects: tuple[str, ...], values: tuple[tuple[str, float], ...]) -> FloatArray:
         levels = self._model.levels(self.setup_for(effects, dict(values)))
         return np.concatenate([levels[detector] for detector in self.where])  # type: ignore[index]
+
+
+def _common(spectra: Sequence[Spectrum]) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """The frequencies of the first detector that were measured with every detector, and the mean level of each detector there."""
+    by_detector: dict[str, list[Spectrum]] = {}
+    for spectrum in spectra:
+        by_detector.setdefault(spectrum.detector, []).append(spectrum)
+    first = next(iter(by_detector.values()))
+    grid = np.unique(np.concatenate([spectrum.frequency_hz[~spectrum.overload] for spectrum in first]))
+    whole = {detector: _mean_level(own, grid) for detector, own in by_detector.items()}
+    known = np.all(np.isfinite(list(whole.values())), axis=0)
+    return grid[known], {detector: level[known] for detector, level in whole.items()}
+
+
+def _mean_level(spectra: Sequence[Spectrum], grid_hz: FloatArray) -> FloatArray:
+    """Mean of the spectra that were measured at each frequency; NaN where none was."""
+    levels = np.array([_level_at(spectrum, grid_hz) for spectrum in spectra])
+    measured = np.isfinite(levels)
+    count = measured.sum(axis=0)
+    total = np.where(measured, levels, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _level_at(spectrum: Spectrum, grid_hz: FloatArray) -> FloatArray:
+    """Level by interpolation; NaN where the nearest point that is not overloaded is more than a step away."""
+    usable = ~spectrum.overload
+    frequency = spectrum.frequency_hz[usable]
+    if frequency.size < 2:
+        return np.full(grid_hz.shape, np.nan)
+    steps = np.diff(spectrum.frequency_hz)
+    step = np.maximum(np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]]))[usable]
+    nearest = np.searchsorted((frequency[1:] + frequency[:-1]) / 2, grid_hz)
+    near = np.abs(frequency[nearest] - grid_hz) <= step[nearest]
+    return np.where(near, np.interp(grid_hz, frequency, spectrum.level_dbuv[usable]), np.nan)
 
 
 def _chosen(grid: FloatArray, stations: Sequence[Station]) -> NDArray[np.intp]:

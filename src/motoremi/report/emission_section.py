@@ -13,7 +13,7 @@ from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, frequency_a
 from motoremi.report.contents import Materials, Picture, Section, Table
 from motoremi.report.plots import ranking_figure, spectrum_figure
 from motoremi.report.svg import picture
-from motoremi.report.words import in_words, lag, probability_of
+from motoremi.report.words import in_words, lag, levels_of, probability_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,7 +117,7 @@ def limit_table(prediction: JsonDict) -> Table:
     """The verdict on the levels of each detector."""
     judged = tuple(
         (
-            str(one["detector"]),
+            levels_of(one),
             str(one["line"]),
             "-" if one["worst_margin_db"] is None else f"{one['worst_margin_db']:+.1f} dB",
             str(one["verdict"] or "none").upper(),
@@ -149,7 +149,7 @@ def final_tables(prediction: JsonDict) -> list[Table]:
     )  # fmt: skip
     rows = tuple(
         (
-            show(one["frequency_hz"], "Hz"),
+            f"{one['frequency_hz'] / 1e6:.6g} MHz",
             one["detector"],
             f"{one['reading_dbuv']:.1f} dBuV",
             f"{one['correction_db']:+.1f} dB",
@@ -191,6 +191,7 @@ def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[
     """The verdict in words, what is missing, and what a reader has to know."""
     effects = ", ".join(prediction["effects"]) or "no effect of source or path"
     texts = [f"The {prediction['judged_what']} levels are judged: {str(prediction['verdict']).upper()}."]
+    texts += [f"{reason[:1].upper()}{reason[1:]}." for reason in prediction.get("reasons", ())]
     if prediction["predicted_dbuv"]:
         texts.append(f"The prediction holds {effects}.")
     if "expanded_uncertainty_db" in prediction:

@@ -11,7 +11,7 @@ from motoremi.inspection.compare import Comparison, compare
 from motoremi.model.effects.names import as_sum
 from motoremi.quantities import percent, show_band
 from motoremi.report.contents import Box, Materials, is_result
-from motoremi.report.words import described, findings_of, in_words, mood_of, serious_of, share_of_analyser
+from motoremi.report.words import described, findings_of, in_words, levels_of, mood_of, serious_of, share_of_analyser
 
 Line = tuple[str, str, str]
 
@@ -114,6 +114,7 @@ def _emission(materials: Materials) -> Box:
         for one in prediction["judged"]
         if one["worst_margin_db"] is not None
     ]
+    lines += [("Note", str(reason), "plain") for reason in prediction.get("reasons", ())[:1]]
     if diagnosis is not None:
         lines.append(("Diagnosis of the spectra", _emission_cause(diagnosis), "plain"))
     verdict = f"{str(prediction['verdict']).upper()} ({prediction['judged_what']} levels)"
@@ -121,7 +122,7 @@ def _emission(materials: Materials) -> Box:
 
 
 def _levels(judged: JsonDict) -> str:
-    name = str(judged["detector"]).replace("cispr", "CISPR")
+    name = levels_of(judged).replace("cispr", "CISPR")
     return f"{name[:1].upper()}{name[1:]} levels, {judged['line']} limit"
 
 

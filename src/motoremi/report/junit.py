@@ -13,7 +13,7 @@ from motoremi.data.text import clean_text
 from motoremi.quantities import show_band
 from motoremi.report.contents import Report
 from motoremi.report.machine_readable import issued
-from motoremi.report.words import findings_of, in_words, place_of, reasons_of, serious_of
+from motoremi.report.words import findings_of, in_words, levels_of, place_of, reasons_of, serious_of
 
 # Characters that XML 1.0 does not allow at all, even escaped.
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -55,7 +55,7 @@ def _emission_suite(root: Element, prediction: JsonDict) -> None:
     suite = SubElement(root, "testsuite", name="emission")
     _properties(suite, {"limit": prediction["limit"]["title"], "judged": prediction["judged_what"], "verdict": prediction["verdict"]})
     for one in prediction["judged"]:
-        case = SubElement(suite, "testcase", classname="motoremi.emission", name=_legal(f"{one['detector']} levels, {one['line']} limit"))
+        case = SubElement(suite, "testcase", classname="motoremi.emission", name=_legal(f"{levels_of(one)} levels, {one['line']} limit"))
         why = _legal(str(one["why"]))
         if one["verdict"] is None:
             SubElement(case, "skipped", message=why)

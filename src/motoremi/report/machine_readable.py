@@ -10,6 +10,7 @@ from motoremi.data.plain import to_page
 from motoremi.data.text import clean_text
 from motoremi.quantities import percent_span
 from motoremi.report.contents import Report
+from motoremi.report.words import levels_of
 
 COLUMNS = ("kind", "where", "name", "value", "unit", "sigma", "note")
 
@@ -72,6 +73,6 @@ def render_csv(report: Report) -> str:
             writer.writerow(("band", where, name, repr(band[name]), unit, "", band["verdict"]))
     for judged in (report.data["prediction"] or {"judged": []})["judged"]:
         if judged["worst_margin_db"] is not None:
-            where = f"{judged['detector']} levels, {judged['line']} limit"
+            where = f"{levels_of(judged)} levels, {judged['line']} limit"
             writer.writerow(("emission", where, "worst_margin_db", repr(judged["worst_margin_db"]), "dB", "", judged["verdict"] or "no verdict"))
     return buffer.getvalue()

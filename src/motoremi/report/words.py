@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, TypeAlias
 
 from motoremi.arrays import JsonDict
+from motoremi.emission.judge import where_in_words
 from motoremi.fitting.result import Fit
 from motoremi.quantities import percent, percent_span, show_band
 
@@ -92,6 +93,11 @@ def reasons_of(diagnosis: JsonDict) -> list[str]:
     """The reasons of a diagnosis that are not findings."""
     found = {finding["why"] for finding in findings_of(diagnosis)}
     return [str(reason) for reason in diagnosis["reasons"] if reason not in found]
+
+
+def levels_of(judged: JsonDict) -> str:
+    """Detector, line of the LISN and operating state of judged levels; earlier versions stored the detector only."""
+    return ", ".join(text for text in (str(judged["detector"]), where_in_words(judged.get("conductor", ""), judged.get("operating", ""))) if text)
 
 
 def place_of(finding: JsonDict) -> str:

@@ -1,0 +1,198 @@
+"""The verdict on all levels together: what is above the limit, and what of the limit the measurements do not show.
+
+A pass needs, on every line of the LISN and in every operating state that was measured, levels below each limit line wherever there are scans. Where
+there are final values, a maximum of the scans above the limit needs one. If that is not shown, the verdict is marginal at best. It is on the part
+of the limit's span that was measured; what was not is told with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from motoremi.arrays import BoolArray, FloatArray
+from motoremi.data.spectrum import Spectrum
+from motoremi.emission.band import misread
+from motoremi.emission.finals import Rules, tops
+from motoremi.emission.judge import ORDER, WORST_FIRST, Judged, Verdict, line_for, overall, place_of, where_in_words
+from motoremi.emission.limit import Limit, LimitLine
+from motoremi.quantities import show_band
+
+Span: TypeAlias = tuple[float, float]
+# A step so many times wider than its neighbours and the bandwidth is a gap between two scans in one spectrum.
+GAP = 4.0
+# Spans that a reason lists.
+LISTED = 4
+# A maximum of a scan is the same as one that was measured again if it is nearer than this.
+APART_HZ = Rules().apart_hz
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """A verdict; why it is no pass, and of what span it is, the most serious first."""
+
+    verdict: Verdict
+    reasons: tuple[str, ...]
+
+
+def compliance(spectra: Sequence[Spectrum], finals: Sequence[Spectrum], judged: Sequence[Judged], limit: Limit, guard_db: float) -> Compliance:
+    """The verdict on measured levels.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        Scans of the running motor, corrected.
+    finals : sequence of Spectrum
+        Short scans around the maxima.
+    judged : sequence of Judged
+        Verdicts on their levels, one by one.
+    limit : Limit
+    guard_db : float
+        Expanded uncertainty.
+    """
+    found: list[tuple[Verdict | None, str]] = []
+    for place in dict.fromkeys(place_of(spectrum) for spectrum in spectra):
+        own = [spectrum for spectrum in spectra if place_of(spectrum) == place]
+        own_finals = [spectrum for spectrum in finals if place_of(spectrum) == place]
+        of_place = [one for one in judged if (one.conductor, one.operating) in (place, ("", ""))]
+        lines = {line.detector: _on_line(own, own_finals, of_place, line, limit, guard_db) for line in limit.lines}
+        if "peak" in lines and "quasi-peak" in lines:
+            # A peak limit beside a quasi-peak limit is an alternative to it (CISPR 25): either is enough, and quasi-peak decides if peak does not.
+            peak = lines.pop("peak")
+            lines["quasi-peak"] = peak if peak[0] == "pass" else lines["quasi-peak"]
+        where = where_in_words(*place)
+        found += [(verdict, f"{where}: {reason}" if where and reason else reason) for verdict, reason in lines.values()]
+    found += [("marginal", text) for text in _left_out(spectra)]
+    worst = min((verdict for verdict, _ in found), key=WORST_FIRST.index, default=None)
+    ranked = sorted((one for one in found if one[1]), key=lambda one: WORST_FIRST.index(one[0]))
+    return Compliance(worst or "marginal", tuple(dict.fromkeys(reason for _, reason in ranked)))
+
+
+def of_prediction(judged: Sequence[Judged], limit: Limit) -> Compliance:
+    """The verdict on predicted levels."""
+    return Compliance(overall(judged, limit), tuple(f"{one.detector}: {one.why}" for one in judged if one.verdict != "pass"))
+
+
+def _on_line(
+    spectra: Sequence[Spectrum], finals: Sequence[Spectrum], judged: Sequence[Judged], line: LimitLine, limit: Limit, guard_db: float
+) -> tuple[Verdict | None, str]:
+    """Verdict of the levels of one place against one limit line, with the reason; None if they leave it open."""
+    own = [one for one in judged if one.line == line.detector and line_for(limit, one.detector) is line and (one.points or one.left_out)]
+    worst = min(own, key=lambda one: (WORST_FIRST.index(one.verdict), one.worst_margin_db or 0.0), default=None)
+    if worst is not None and worst.verdict == "fail":
+        return "fail", f"{worst.detector}: {worst.why}"
+    exact = [spectrum for spectrum in spectra if line_for(limit, spectrum.detector) is line]
+    higher = [spectrum for spectrum in spectra if ORDER.index(spectrum.detector) < ORDER.index(line.detector) and spectrum not in exact]
+    if not exact and not higher:
+        return None, f"{line.detector}: not measured"
+    everywhere = [span for one in (*exact, *higher) for span in _around(one, np.ones(len(one), dtype=np.bool_))]
+    missing = _without([(low, high) for low, high, _, _ in line.segments], everywhere)
+    measured = _without([(low, high) for low, high, _, _ in line.segments], missing)
+    final = [spectrum for spectrum in finals if line_for(limit, spectrum.detector) is line]
+    left = _not_valid([*exact, *higher], line, measured)
+    if not left:
+        left = _not_read_again([*exact, *higher], final, line) if final else _not_below(exact, higher, line, measured, guard_db)
+    verdict: Verdict | None = worst.verdict if worst is not None and worst.verdict != "pass" else None if left else "pass"
+    said = [f"{worst.detector}: {worst.why}"] if worst is not None and worst.verdict != "pass" else []
+    said += [left] if left and (worst is None or worst.verdict is not None) else []
+    said += [f"{line.detector}: not measured at {_listed(missing)}; the verdict is on the rest"] if missing else []
+    return verdict, "; ".join(said)
+
+
+def _not_valid(speaking: Sequence[Spectrum], line: LimitLine, measured: Sequence[Span]) -> str:
+    """Where all readings are of an overloaded receiver or of a bandwidth that reads too low; empty if that is nowhere."""
+    left = _without(measured, [span for one in speaking for span in _around(one, _valid(one))])
+    if not left:
+        return ""
+    why = "the receiver was overloaded" if any(one.overload.any() for one in speaking) else "the bandwidth reads too low"
+    return f"{line.detector}: {why} at {_listed(left)}"
+
+
+def _not_below(exact: Sequence[Spectrum], higher: Sequence[Spectrum], line: LimitLine, measured: Sequence[Span], guard_db: float) -> str:
+    """Where levels of a detector that reads higher are not below a limit line and its own detector was not used; empty if that is nowhere."""
+    spans = [span for one in exact for span in _around(one, _valid(one))]
+    spans += [span for one in higher for span in _around(one, _valid(one) & _below(one, line, guard_db))]
+    left = _without(measured, spans)
+    if not left:
+        return ""
+    detector = higher[0].detector if higher else line.detector
+    return f"{line.detector}: {detector} is not below that limit by the guard band at {_listed(left)}; measure {line.detector} there"
+
+
+def _not_read_again(speaking: Sequence[Spectrum], finals: Sequence[Spectrum], line: LimitLine) -> str:
+    """How many maxima of the scans are above a limit line and have no final value; empty if there are none."""
+    known = np.array([float(spectrum.metadata.get("maximum_hz", spectrum.frequency_hz.mean())) for spectrum in finals])
+    above: list[tuple[float, float]] = []
+    for spectrum in speaking:
+        margin = line.level_dbuv(spectrum.frequency_hz) - spectrum.level_dbuv
+        for index in np.flatnonzero(tops(spectrum.level_dbuv, np.isfinite(margin)) & (margin < 0)):
+            if np.min(np.abs(known - spectrum.frequency_hz[index])) >= APART_HZ:
+                above.append((float(margin[index]), float(spectrum.frequency_hz[index])))
+    if not above:
+        return ""
+    margin_db, hertz = min(above)
+    return (
+        f"{line.detector}: {len(above)} maxima of the scans are above that limit and have no final value, the highest by {-margin_db:.1f} dB at "
+        f"{hertz / 1e6:.6g} MHz: measure more maxima again"
+    )
+
+
+def _left_out(spectra: Sequence[Spectrum]) -> Iterable[str]:
+    """Final values of the receiver that an imported file holds and that are not judged."""
+    return [str(text) for spectrum in spectra if (text := spectrum.metadata.get("final_values_left_out"))]
+
+
+def _valid(spectrum: Spectrum) -> BoolArray:
+    """Points that show what a detector reads: not overloaded, and not in a bandwidth that reads too low."""
+    return ~spectrum.overload & ~misread(spectrum.frequency_hz, spectrum.resolution_bandwidth_hz, low=True)
+
+
+def _below(spectrum: Spectrum, line: LimitLine, guard_db: float) -> BoolArray:
+    """Points that are below a limit line by at least the guard band; points without a limit count as well."""
+    margin = line.level_dbuv(spectrum.frequency_hz) - spectrum.level_dbuv
+    return ~(margin < guard_db - 1e-9)
+
+
+def _around(spectrum: Spectrum, usable: BoolArray) -> list[Span]:
+    """Spans around the usable points of a spectrum; each reaches half way to its neighbours."""
+    frequency = spectrum.frequency_hz
+    steps = np.diff(frequency)
+    before, after = np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])
+    widest: FloatArray = GAP * np.maximum(np.minimum(before, after), spectrum.resolution_bandwidth_hz)
+    # At the ends a whole step: a scan ends at the last multiple of its step.
+    reach = np.array([before, after]) / 2
+    reach[0, 0], reach[1, -1] = steps[0], steps[-1]
+    reach = np.where(np.array([before, after]) > widest, np.minimum(before, after), reach)
+    low, high = (frequency - reach[0])[usable], (frequency + reach[1])[usable]
+    return list(zip(low.tolist(), high.tolist(), strict=True))
+
+
+def _without(segments: Sequence[Span], spans: Sequence[Span]) -> list[Span]:
+    """What of the segments no span covers."""
+    left: list[Span] = []
+    for low, high in segments:
+        at = low
+        for begin, end in sorted(spans):
+            if begin > at * (1 + 1e-9) and at < high:
+                left.append((at, min(begin, high)))
+            at = max(at, end)
+            if at >= high:
+                break
+        if at < high * (1 - 1e-9):
+            left.append((at, high))
+    return left
+
+
+def _listed(spans: Sequence[Span]) -> str:
+    """Spans as text, those that touch each other as one."""
+    joined: list[Span] = []
+    for low, high in spans:
+        if joined and low <= joined[-1][1] * (1 + 1e-9):
+            joined[-1] = joined[-1][0], high
+        else:
+            joined.append((low, high))
+    more = f" and {len(joined) - LISTED} more spans" if len(joined) > LISTED else ""
+    return ", ".join(show_band(*span) for span in joined[:LISTED]) + more

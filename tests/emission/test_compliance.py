@@ -1,0 +1,174 @@
+"""The verdict on all levels together, and what of the limit they leave open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from motoremi.data.spectrum import Spectrum
+from motoremi.emission.compliance import Compliance, compliance
+from motoremi.emission.finals import Rules, choose_maxima
+from motoremi.emission.judge import judge_spectra
+from motoremi.emission.limit import Limit, LimitLine, find_limit
+from motoremi.emission.predict import predict
+from motoremi.emission.setup import Setup
+from motoremi.emission.spectrum_problem import Problem
+
+CISPR32 = find_limit("cispr32-b")
+CISPR25 = find_limit("cispr25-class5")
+AXIS = 150e3 + 4.5e3 * np.arange(6634)
+
+
+def flat(detector: str, level_dbuv: float, axis=AXIS, **more) -> Spectrum:
+    settings = {name: more.pop(name) for name in ("resolution_bandwidth_hz", "overload") if name in more}
+    return Spectrum(detector, axis, np.full(axis.shape, level_dbuv), metadata=more, **settings)
+
+
+def with_level(spectrum: Spectrum, level_dbuv: float, low_hz: float, high_hz: float) -> Spectrum:
+    inside = (spectrum.frequency_hz >= low_hz) & (spectrum.frequency_hz <= high_hz)
+    return Spectrum(spectrum.detector, spectrum.frequency_hz, np.where(inside, level_dbuv, spectrum.level_dbuv), metadata=spectrum.metadata)
+
+
+def verdict(spectra, limit: Limit = CISPR32, finals=()) -> Compliance:
+    return compliance(spectra, finals, judge_spectra(spectra, limit), limit, 3.4)
+
+
+def test_low_levels_of_both_detectors_over_the_whole_span_pass_without_a_remark():
+    assert verdict([flat("quasi-peak", 40), flat("average", 30)]) == Compliance("pass", ())
+
+
+def test_a_line_that_was_only_scanned_with_peak_above_the_limit_is_not_shown_to_comply():
+    n = with_level(flat("peak", 30, line="N"), 90, 1e6, 1.1e6)
+    found = verdict([flat("quasi-peak", 40, line="L1"), flat("average", 30, line="L1"), n])
+    assert found.verdict == "marginal"
+    assert found.reasons[0] == (
+        "line N: quasi-peak: peak is not below that limit by the guard band at 998.2 kHz - 1.102 MHz; measure quasi-peak there"
+    )
+
+
+def test_the_failing_line_is_named():
+    spectra = [
+        flat(detector, level, line=line)
+        for line, high in (("L1", 0), ("N", 22))
+        for detector, level in (("quasi-peak", 40 + high), ("average", 30))
+    ]
+    found = verdict(spectra)
+    assert found.verdict == "fail"
+    assert found.reasons == ("line N: quasi-peak: above the quasi-peak limit by 6.0 dB at 0.501 MHz",)
+    assert {one.what for one in judge_spectra(spectra, CISPR32)} == {
+        f"{detector}, line {line}" for detector in ("quasi-peak", "average") for line in ("L1", "N")
+    }
+
+
+def test_a_part_of_the_span_is_judged_and_the_rest_is_told():
+    part = AXIS[(AXIS >= 1e6) & (AXIS <= 2e6)]
+    found = verdict([flat("quasi-peak", 40, part), flat("average", 30, part)])
+    assert found.verdict == "pass"
+    assert "quasi-peak: not measured at 150 kHz - 996 kHz, 2.004 MHz - 30 MHz; the verdict is on the rest" in found.reasons
+
+
+def test_two_scans_of_one_detector_are_one():
+    low, high = AXIS[AXIS < 1e6], AXIS[AXIS >= 1e6]
+    spectra = [flat("quasi-peak", 40, low), flat("quasi-peak", 40, high), flat("average", 30)]
+    assert verdict(spectra) == Compliance("pass", ())
+    assert [(one.detector, one.points) for one in judge_spectra(spectra, CISPR32) if one.detector == "quasi-peak"] == [
+        ("quasi-peak", AXIS.size)
+    ] * 2
+
+
+def test_a_gap_inside_a_spectrum_is_not_measured():
+    axis = AXIS[(AXIS < 1e6) | (AXIS > 5e6)]
+    found = verdict([flat("quasi-peak", 40, axis), flat("average", 30, axis)])
+    assert found.reasons[0] == "quasi-peak: not measured at 1 MHz - 4.996 MHz; the verdict is on the rest"
+
+
+def test_overloaded_readings_leave_the_verdict_open():
+    overload = (AXIS > 200e3) & (AXIS < 20e6)
+    found = verdict([flat("quasi-peak", 40, overload=overload), flat("average", 30)])
+    assert found.verdict == "marginal"
+    assert found.reasons == ("quasi-peak: the receiver was overloaded at 201.8 kHz - 20 MHz",)
+
+
+@pytest.mark.parametrize(
+    ("bandwidth_hz", "level_dbuv", "wanted", "says"),
+    [
+        (200.0, 40, "marginal", "reads too low: measure with 9 kHz"),
+        (200.0, 80, "fail", "above the quasi-peak limit"),
+        (10e3, 80, "fail", "above the quasi-peak limit"),
+        (120e3, 80, "marginal", "reads too high: measure with 9 kHz"),
+    ],
+)
+def test_a_bandwidth_of_another_band_shows_only_what_it_can(bandwidth_hz, level_dbuv, wanted, says):
+    found = verdict([flat("quasi-peak", level_dbuv, resolution_bandwidth_hz=bandwidth_hz), flat("average", 30)])
+    assert found.verdict == wanted
+    assert says in found.reasons[0]
+
+
+def test_band_a_is_measured_with_its_own_bandwidth():
+    low = 9e3 + 100 * np.arange(1411)
+    assert verdict([flat("quasi-peak", 40, low, resolution_bandwidth_hz=200.0), flat("quasi-peak", 40), flat("average", 30)]).verdict == "pass"
+
+
+def test_a_wide_bandwidth_that_passes_has_passed():
+    assert verdict([flat("quasi-peak", 40, resolution_bandwidth_hz=120e3), flat("average", 30, resolution_bandwidth_hz=120e3)]).verdict == "pass"
+
+
+def test_a_peak_limit_is_an_alternative_to_the_quasi_peak_limit():
+    assert verdict([flat("peak", 30), flat("average", 10)], CISPR25) == Compliance("pass", ())
+    assert verdict([flat("peak", 60), flat("quasi-peak", 20), flat("average", 10)], CISPR25).verdict == "pass"
+    assert verdict([flat("peak", 60), flat("average", 10)], CISPR25).verdict == "marginal"
+    assert verdict([flat("peak", 90), flat("quasi-peak", 80), flat("average", 10)], CISPR25).verdict == "fail"
+
+
+def test_a_missing_detector_is_the_reason():
+    assert verdict([flat("average", 30)]) == Compliance("marginal", ("quasi-peak: not measured",))
+
+
+def test_a_maximum_above_the_limit_without_a_final_value_is_not_shown_to_comply():
+    peaks = with_level(with_level(flat("peak", 30), 70, 1.2749e6, 1.2751e6), 70, 2.998e6, 2.9986e6)
+    spectra = [peaks, flat("average", 20)]
+    finals = [Spectrum("quasi-peak", [1.2705e6, 1.275e6], [50, 50], metadata={"maximum_hz": hertz}) for hertz in (1.275e6, 2.9985e6)]
+    assert verdict(spectra, finals=finals).verdict == "pass"
+    found = verdict(spectra, finals=finals[:1])
+    assert found.verdict == "marginal"
+    assert found.reasons[0].startswith(
+        "quasi-peak: 1 maxima of the scans are above that limit and have no final value, the highest by 14.0 dB at 2.9985 MHz"
+    )
+
+
+def test_final_values_that_the_receivers_file_holds_leave_it_open():
+    spectra = [flat("quasi-peak", 40, final_values_left_out="2 final values in the file are left out"), flat("average", 30)]
+    assert verdict(spectra) == Compliance("marginal", ("2 final values in the file are left out",))
+
+
+def test_every_part_with_a_limit_has_a_maximum():
+    """On the slope of a peak between two limited parts the highest points are at the edges of these parts."""
+    limit = Limit("notch", "notch", (LimitLine("quasi-peak", ((1.226e6, 1.235e6, 60, 60), (1.26e6, 1.29e6, 84, 84)), False, "test"),))
+    slope = Spectrum("quasi-peak", AXIS, np.maximum(90 - np.abs(AXIS - 1.275e6) / 10e3, 0))
+    chosen, _ = choose_maxima([slope], limit, Rules(apart_hz=5e3, margin_db=30))
+    assert [one.frequency_hz for one in chosen] == [1.2345e6, 1.275e6]
+
+
+def test_a_prediction_has_the_highest_level_of_every_detector_at_all_frequencies():
+    low = 9e3 + 1e3 * np.arange(141)
+    spectra = [flat("quasi-peak", 40, low, resolution_bandwidth_hz=200.0), flat("quasi-peak", 40, line="L1"), flat("quasi-peak", 62, line="N")]
+    told = predict(None, spectra=spectra, limit=CISPR32)
+    level = told.measured_dbuv()["quasi-peak"]
+    assert (told.frequency_hz[0], told.frequency_hz[-1]) == (9e3, AXIS[-1])
+    assert np.unique(level[told.frequency_hz > 151e3]) == pytest.approx([62.0])
+    assert np.unique(level[told.frequency_hz < 147e3]) == pytest.approx([40.0])
+
+
+def test_steps_wider_than_half_the_bandwidth_are_told():
+    coarse = AXIS[::2]
+    told = predict(None, spectra=[flat("quasi-peak", 40, coarse), flat("average", 30)], limit=CISPR32).remarks()
+    assert "quasi-peak: steps of 9 kHz are wider than half the bandwidth of 9 kHz: lines may be missed or read too low" in told
+    assert not any(text.startswith("average: steps") for text in told)
+
+
+def test_a_fit_of_spectra_uses_no_level_outside_of_a_scan():
+    inside = AXIS <= 1e6
+    problem = Problem([flat("peak", 60), flat("average", 40, AXIS[inside])], lambda hertz: np.full(hertz.shape, 50.0 + 0j), Setup())
+    # A step beyond its end the nearest point is still the last one.
+    assert problem.grid_hz[-1] <= AXIS[inside][-1] + 4.5e3
+    assert np.unique(problem.measured_dbuv) == pytest.approx([40.0, 60.0])
