@@ -246,6 +246,13 @@ def test_combs():
     assert comb.spacing_hz == pytest.approx(spacing, rel=2e-3)
 
 
+def test_noise_is_no_comb():
+    """Of 20 such spectra one had a comb, when the score that noise has by chance was not considered."""
+    frequency_hz = np.linspace(150e3, 30e6, 1500)
+    for seed in range(20):
+        assert find_comb(frequency_hz, np.random.default_rng(seed).normal(40.0, 3.0, frequency_hz.size), 9e3) is None
+
+
 def test_what_the_converter_spectra_show():
     spectra = read_spectra(DATA / "emi_spectra_baltic_lab" / "baltic-lab-cispr25-bench.csv")
     seen = {one["id"]: one for one in observations(spectra)}

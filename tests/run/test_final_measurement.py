@@ -248,6 +248,12 @@ def test_a_coarse_step_is_told_before_the_run() -> None:
     assert narrow().remarks() == ()
 
 
+@pytest.mark.parametrize(("bandwidth", "says"), [("200 Hz", "reads too low: compliance cannot be shown"), ("120 kHz", "reads too high")])
+def test_a_bandwidth_of_another_band_is_told_before_the_run(bandwidth: str, says: str) -> None:
+    told = [remark for remark in narrow(bandwidth=bandwidth, step="100 Hz").remarks() if "bandwidth" in remark]
+    assert told == [f"[spectrum]: a bandwidth of {bandwidth} {says}; band B (150 kHz - 30 MHz) has 9 kHz"]
+
+
 def test_a_quasi_peak_scan_over_all_points_takes_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
     # Only the time counts here, not what arrives.
     monkeypatch.setattr(SimulatedBench, "level_dbuv", lambda self, frequency_hz, detector: np.full(frequency_hz.shape, 20.0))

@@ -100,6 +100,7 @@ def test_a_path_comes_before_a_name(tmp_path: Path) -> None:
         (changed("steps", 2, "detector", value="pk"), "test.toml: step 3 (spectrum): detector: Input should be 'peak'"),
         (changed("steps", 1, "do", value="swep"), "test.toml: step 2 (swep): Input tag 'swep' found using 'do'"),
         (changed("steps", 1, value="sweep"), "test.toml: step 2 (?): "),
+        (changed("steps", 1, value={"detector": "peak"}), "test.toml: step 2 (?): the key 'do' is missing: it says what the step does"),
         (changed("steps", value=[]), "test.toml: steps: Tuple should have at least 1 item"),
         (changed("steps", 3, "error_percent", value=-1), "test.toml: step 4 (compare): error_percent: Input should be greater"),
         (without("steps", 0), "test.toml: the first step must be 'identify'"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,10 +16,13 @@ from motoremi.emission.judge import place_of, where_in_words
 from motoremi.errors import BadInput
 from motoremi.quantities import show
 
-# Number of lines of a comb that are used, and the least score that is accepted. The score is a correlation: 1 for a pure cosine, about 0.1 for
-# noise.
+# Number of lines of a comb that are used, and the least score that is accepted. The score is a correlation: 1 for a pure cosine.
 _LINES = 40
 LEAST_SCORE = 0.3
+# Probability with which noise may be taken for a comb. The score of n points of noise scatters by 1 / sqrt(n).
+FALSE_COMB = 1e-3
+# Spacings near each one that is tried.
+_TRIES = 9
 # Range of the commutation rates of small and large motors.
 COMMUTATION_HZ = (50.0, 20e3)
 # No CISPR band begins below.
@@ -38,29 +42,36 @@ class Comb:
     spacing_hz : float
     score : float
         Correlation of the spectrum with the comb.
+    points : int
+        Number of points of that correlation.
     """
 
     spacing_hz: float
     score: float
+    points: int = 0
 
 
-def find_comb(frequency_hz: FloatArray, level_dbuv: FloatArray) -> Comb | None:
-    """The most distinct comb, with a spacing from twice the step to a tenth of the span, or None.
+def find_comb(frequency_hz: FloatArray, level_dbuv: FloatArray, resolution_bandwidth_hz: float = 0.0) -> Comb | None:
+    """The most distinct comb, with a spacing from twice the step or the bandwidth to a tenth of the span, or None.
 
     Parameters
     ----------
     frequency_hz, level_dbuv : ndarray, shape (n,)
+    resolution_bandwidth_hz : float
+        Lines nearer to each other are not resolved.
     """
     step = float(np.median(np.diff(frequency_hz[: max(3, frequency_hz.size // 4)])))
-    low, high = 2.1 * step, (frequency_hz[-1] - frequency_hz[0]) / 10
+    low, high = max(2.1 * step, resolution_bandwidth_hz), (frequency_hz[-1] - frequency_hz[0]) / 10
     if high <= low or frequency_hz.size < 40:
         return None
     best: list[Comb] = []
     for spacing in np.geomspace(low, high, max(2, int(np.log(high / low) * 4 * _LINES))):
         best.append(_refined(frequency_hz, level_dbuv, float(spacing)))
-    top = max(comb.score for comb in best)
-    if top < LEAST_SCORE:
+    by_chance = math.sqrt(2 * math.log(len(best) * _TRIES / FALSE_COMB))
+    best = [comb for comb in best if comb.points and comb.score > max(LEAST_SCORE, by_chance / math.sqrt(comb.points))]
+    if not best:
         return None
+    top = max(comb.score for comb in best)
     # Sharp lines correlate with every fraction of their spacing as well, so the largest spacing is taken.
     largest = max(comb.spacing_hz for comb in best if comb.score > 0.8 * top)
     return max((comb for comb in best if comb.spacing_hz > 0.93 * largest), key=lambda comb: comb.score)
@@ -77,10 +88,10 @@ def _refined(frequency_hz: FloatArray, level_dbuv: FloatArray, spacing: float) -
     power = float(np.sqrt(np.sum(detail**2) * detail.size / 2))
     if not power:
         return Comb(spacing, 0.0)
-    tries = spacing * (1 + np.linspace(-1, 1, 9) / (8 * _LINES))
+    tries = spacing * (1 + np.linspace(-1, 1, _TRIES) / (8 * _LINES))
     scores = np.cos(2 * np.pi * part_hz / tries[:, None]) @ detail / power
     top = int(np.argmax(scores))
-    return Comb(float(tries[top]), float(scores[top]))
+    return Comb(float(tries[top]), float(scores[top]), part_hz.size)
 
 
 def repetition_from(peak: Spectrum, average: Spectrum) -> float | None:
@@ -110,7 +121,7 @@ def observations(spectra: Sequence[Spectrum]) -> list[JsonDict]:
     strongest = by_detector.get("peak") or next(iter(by_detector.values()), None)
     comb = None
     if strongest is not None:
-        comb = find_comb(strongest.frequency_hz, strongest.level_dbuv)
+        comb = find_comb(strongest.frequency_hz, strongest.level_dbuv, strongest.resolution_bandwidth_hz)
     if comb is not None:
         kind = ", too fast for a commutator: a switching converter or chopper" if comb.spacing_hz > COMMUTATION_HZ[1] else ""
         text = f"comb at multiples of {comb.spacing_hz / 1e3:.4g} kHz (correlation {comb.score:.2f}){kind}"

@@ -90,7 +90,7 @@ def _of_the_import(session: Session) -> list[str]:
     assumed = [name for key, name in (("detector_assumed", "detector"), ("rbw_assumed", "bandwidth")) if any(i.metadata.get(key) for i in items)]
     if assumed:
         found.append(f"the files do not state {' and '.join(assumed)} of the spectra: the usual ones are assumed")
-    changed = {str(change) for sweep in session.sweeps for change in sweep.metadata.get("changes") or ()}
+    changed = {str(change) for item in (*session.sweeps, *session.spectra) for change in item.metadata.get("changes") or ()}
     return found + [f"changed on import: {change}" for change in sorted(changed)]
 
 

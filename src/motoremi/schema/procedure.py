@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.connect import driver_class
 from motoremi.bench.impedance_analyser import ImpedanceAnalyser, refuse_without
 from motoremi.bench.receiver import EmiReceiver
+from motoremi.emission.band import band_at, misread
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput
-from motoremi.quantities import show
+from motoremi.quantities import show, show_band
 from motoremi.schema.procedure_steps import Check, Compensate, Final, Identify, JudgeStep, MeasuringStep, PlainStep, Repeat, Scan, Step, Sweep
 from motoremi.schema.procedure_tables import DRIVER_SETTINGS, InstrumentSpec, SpectrumSpec, SweepSpec
 from motoremi.schema.quantity_field import Quantity
@@ -142,6 +145,15 @@ class Procedure(Strict):
                 f"[spectrum]: the step of {show(spec.step, 'Hz')} is coarser than half the bandwidth of {show(spec.bandwidth, 'Hz')}: "
                 "a line between two points is measured too low"
             )
+        for low, reads in ((True, "too low: compliance cannot be shown"), (False, "too high")):
+            wrong_hz = np.array([spec.start, math.sqrt(spec.start * spec.stop), spec.stop])
+            wrong_hz = wrong_hz[misread(wrong_hz, spec.bandwidth, low)]
+            if wrong_hz.size:
+                band = band_at(float(wrong_hz[-1]))
+                found.append(
+                    f"[spectrum]: a bandwidth of {show(spec.bandwidth, 'Hz')} reads {reads}; band {band.name} ({show_band(*band.span_hz)}) has "
+                    f"{show(band.bandwidth_hz, 'Hz')}"
+                )
         for planned in self.plan:
             if isinstance(planned.step, Scan) and planned.step.detector in METERED:
                 dwell = planned.step.dwell or spec.dwell
