@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from motoremi.arrays import JsonDict
-from motoremi.data.conditions import REFERENCE, SingleValue, condition
+from motoremi.data.conditions import REFERENCE, Condition, SingleValue, condition
 from motoremi.data.session import load
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.run.answer import NotDone
@@ -191,7 +191,8 @@ class _History:
             kind = document["kind"]
             if kind == "asked":
                 path.pending, path.stored = document, Counter()
-            elif kind == "sweep":
+            elif kind == "sweep" and path.pending is not None and _condition_of(document) == path.pending["order"]["condition"]:
+                # Sweeps under another condition were imported between two runs.
                 path.stored[str(document["termination"])] += 1
             elif kind == "value":
                 path.stored[str(document["name"])] += 1
@@ -213,6 +214,12 @@ class _History:
             return None if self.stored[order.id] else order
         left = tuple(name for name in order.terminations if self.stored[name] < order.repeats)
         return replace(order, terminations=left) if left else None
+
+
+def _condition_of(document: JsonDict) -> str | None:
+    """The condition of a stored sweep as a request has it."""
+    condition = document.get("condition")
+    return None if condition is None else Condition.restored(condition).text
 
 
 def investigate(
@@ -360,9 +367,11 @@ def order_of(question: JsonDict, turn: int = 0) -> MeasurementRequest:
     terminations = tuple(termination for termination in TERMINATIONS if given in (None, "both", termination))
     known = question.get("condition_id", None if name in REFERENCE else name)
     under = None if known is None else condition(str(known), asks.get("value"))
-    return MeasurementRequest(
-        name, str(asks["instruction"]), under, terminations, int(asks.get("repeats", 1)), turn, bool(question.get("hands", True))
-    )
+    instruction, hands = str(asks["instruction"]), bool(question.get("hands", True))
+    if hands and under is not None and under.value is not None:
+        # The operator has to know the value that is stored with the sweeps.
+        instruction = f"{instruction} (stored as {under.text})"
+    return MeasurementRequest(name, instruction, under, terminations, int(asks.get("repeats", 1)), turn, hands)
 
 
 def name_of(question: JsonDict) -> str:

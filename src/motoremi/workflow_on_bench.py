@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -79,7 +80,7 @@ def bench_for(session: Session, bench_file: BenchFile) -> BenchFile:
     """
     name = session.path.name
     if session.status != "done":
-        raise BadInput(f"{name}: its measurement was interrupted; finish it first: motoremi run --resume {session.path}")
+        raise BadInput(f"{name}: its measurement was interrupted; finish it first: motoremi run --resume {shlex.quote(str(session.path))}")
     if not session.sweeps:
         raise BadInput(f"{name} holds no impedance sweep: measure or import one first")
     if bench_file.backend != "sim":
@@ -172,7 +173,8 @@ class _MeasuringBench:
     made: Bench
     operator: BenchOperator
     requests: RequestedMeasurements | None = None
-    started_s: float = 0.0
+    # None until something is measured in this run.
+    started_s: float | None = None
 
     def sweep(self, order: MeasurementRequest) -> None:
         """Have the condition set up, and measure."""
@@ -186,8 +188,10 @@ class _MeasuringBench:
         return self.made.single_value(order.id, order.turn) if isinstance(self.made, SimulatedBench) else self.operator.value(order)
 
     def minutes(self, estimated: float) -> float:
-        """Elapsed minutes; on a simulated bench the estimate, because nothing takes real time there."""
-        return estimated if isinstance(self.made, SimulatedBench) else (time.monotonic() - self.started_s) / 60
+        """Elapsed minutes; the estimate on a simulated bench, where nothing takes real time, and for what an earlier run measured."""
+        if self.started_s is None or isinstance(self.made, SimulatedBench):
+            return estimated
+        return (time.monotonic() - self.started_s) / 60
 
     def prompt(self, text: str) -> Answer | None:
         """Show the operator an instruction and return the answer."""

@@ -366,15 +366,39 @@ def test_a_judgement_takes_over_what_was_learnt() -> None:
     from motoremi.diagnosis.candidates import Candidate
     from motoremi.diagnosis.judgement import Judgement
 
-    bare = base()
-    found = {(): Candidate((), bare, 0.0, ()), ("insulation-leakage@Cf",): Candidate(("insulation-leakage@Cf",), rivals().members[1].fit, 0.5, ())}
+    leaking = sweeps({"insulation-leakage@Cf": {"resistance_ohm": 3e5}})
+    bare = fit(dc_motor(), leaking)
+    leak = bare.add("insulation-leakage@Cf", thorough=False)
+    found = {(): Candidate((), bare, 0.0, ()), ("insulation-leakage@Cf",): Candidate(("insulation-leakage@Cf",), leak, 0.5, ())}
     judgement = Judgement(bare, found, believe(found))
     untouched = rivals_in(judgement)
     assert informed(judgement, untouched) is judgement
-    measured = Measurement.of(sweeps({}), values=[parse_value("insulation-resistance=100Mohm")])
+    measured = Measurement.of(leaking, values=[parse_value("insulation-resistance=300kohm")])
     leaks = Judgement(replace(bare, measurement=measured), found, believe(found))
     learnt = informed(leaks, rivals_in(leaks))
-    assert learnt.belief.posterior[()] < judgement.belief.posterior[()]
+    assert learnt.belief.posterior[()] < 0.2 * judgement.belief.posterior[()]
+
+
+def test_a_value_whose_unit_has_a_wrong_prefix_decides_nothing() -> None:
+    """Of two circuits one leaves Ra open, so that it could have any DC resistance; the other predicts a thousand times what was written."""
+    wide, narrow, *others = rivals().members
+    at = [p.name for p in wide.fit.problem.unknowns].index("Ra")
+    precision = np.array(wide.known.precision)
+    precision[at, :] = precision[:, at] = 0.0
+    precision[at, at] = 1 / 1.8**2
+    opened = replace(rivals(), members=(replace(wide, known=replace(wide.known, precision=precision)), narrow, *others))
+    after = update(opened, Measurement.of(sweeps({}), values=[parse_value("dc-resistance=12mohm+-0.1mohm")]))
+    assert after.probabilities[narrow.key] > 0.3
+    (mistake,) = after.taught[0].mistakes
+    assert "prefix of its unit" in mistake.says
+
+
+def test_no_measurement_refutes_an_effect_by_more_than_is_stated() -> None:
+    from motoremi.investigation.rivals import DOUBT, _doubted
+
+    members = tuple(replace(one, log_weight=weight) for one, weight in zip(rivals().members, (0.0, -6.0, -4.0), strict=True))
+    first, second, _ = _doubted(replace(rivals(), members=members), [-100.0, 0.0, -50.0])
+    assert second - first == pytest.approx(np.log(1 / DOUBT), abs=0.03)
 
 
 def test_what_a_measurement_proved_is_named_though_the_sweeps_show_little_of_it() -> None:

@@ -178,7 +178,7 @@ def test_everything_that_was_asked_is_in_the_session_and_is_replayed_bit_for_bit
     assert [value.name for value in session.values] == ["dc-resistance"]
     # One identification and one compensation serve all sweeps, and the operator is told in plain words.
     assert hands.told[:4] == [
-        "warm the motor", "Leave the fixture open (open standard), with nothing within 10 cm", "Connect the short standard to the fixture",
+        "warm the motor (stored as second-temperature=53degC)", "Leave the fixture open (open standard), with nothing within 10 cm", "Connect the short standard to the fixture",
         "Connect the analyser between the two terminals of the motor, the far one joined to the frame",
     ]  # fmt: skip
     assert len([document for document in session.documents if document["kind"] == "compensation"]) in (2, 4)
@@ -202,7 +202,7 @@ def test_a_stopped_or_killed_investigation_goes_on_where_it_was_and_is_replayed_
     assert [sweep.termination for sweep in at(session, "second-temperature")] == ["short", "open"]
     assert (tmp_path / "s/sweeps/short-second-temperature-1.csv").read_bytes() == stored
     # The operator is asked again, because nobody knows whether the motor is still warm.
-    assert hands.told[0] == "warm the motor"
+    assert hands.told[0] == "warm the motor (stored as second-temperature=53degC)"
     assert len({sweep.metadata["connection"] for sweep in session.conditioned}) == 3
     assert verify(tmp_path / "s") == []
     assert rerun(session, tmp_path / "again", lambda: lambda *_: None).same

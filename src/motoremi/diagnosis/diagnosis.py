@@ -158,6 +158,7 @@ class Diagnosis:
     question: Question | None = None
     searched: Searched | None = None
 
+    @one_blas_thread
     def informed_by(self, measurement: Measurement) -> Diagnosis:
         """The diagnosis with other sweeps under conditions and other single values; nothing is searched again.
 
@@ -424,6 +425,14 @@ def _concluded(
     else:
         singles.sort(key=lambda one: (one.effect not in named, bool(one.unusual), -round(probabilities[one.effect], 6), -one.score))
         following = next_measurement(best.fit if named else base, question, measurement.done)
+    if against is not None:
+        reasons = [against.why]
+    elif unknown and judgement.accepted:
+        reasons = [
+            f"the reference sweeps alone are described by {as_sum(judgement.named) or 'the circuit'}: what was measured besides contradicts that"
+        ]
+    else:
+        reasons = _reasons(judgement, verdict, named, families, validation)
     return Diagnosis(
         verdict=verdict,
         effects=tuple(named) if verdict not in ("unexplained", "data") else (),
@@ -438,7 +447,7 @@ def _concluded(
         where=compare(base).where,
         findings=findings,
         following=following,
-        reasons=(*(_reasons(judgement, verdict, named, families, validation) if against is None else (against.why,)), *reasons_of(rivals)),
+        reasons=(*reasons, *reasons_of(rivals)),
         validation=validation if named or verdict == "unexplained" else {},
         left_over=left,
         rivals=rivals,

@@ -12,6 +12,7 @@ from motoremi.diagnosis.belief import RELIABLE
 from motoremi.diagnosis.explore import Key
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import Judgement, decided, distributed
+from motoremi.investigation.mistakes import STRANGE_VALUE, Mistake
 from motoremi.investigation.question import NONE_DESCRIBES, ODDS
 from motoremi.investigation.rivals import Rivals, rivals_of, update
 
@@ -98,13 +99,21 @@ def reasons_of(rivals: Rivals) -> list[str]:
     return said
 
 
+def _remedy(mistake: Mistake) -> str:
+    if mistake.kind == STRANGE_VALUE:
+        return "check the reading and its unit"
+    if mistake.used:
+        return "make sure that it was done"
+    return "repeat that measurement, or append it under the condition that it was taken in"
+
+
 def of_the_operator(rivals: Rivals) -> list[Finding]:
     """The finding of sweeps and values that are not what was requested."""
     return [
         Finding(
             NOT_AS_ASKED,
             f"{one.says}; both possibilities are taken into account" if one.used else f"{one.says}; it is not used",
-            "make sure that it was done" if one.used else "repeat that measurement, or append it under the condition that it was taken in",
+            _remedy(one),
             False,
         )
         for taught in rivals.taught

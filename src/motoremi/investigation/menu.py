@@ -116,7 +116,7 @@ MENU = (
     Option("wide-sweep", "sweep as wide as the analyser goes, both terminations", "sweep", 1.0, procedure="wide_sweep"),
     Option(
         "far-end-grounded",
-        "tie the far end of the winding to the frame and sweep from the terminal to the frame",
+        "tie the far end of the winding to the frame, with the leads and strap of the open-circuit sweep, and sweep from the terminal to the frame",
         "sweep",
         2.0,
         ("open",),

@@ -29,6 +29,10 @@ AGAIN = Condition("sweep-downwards")
 MUST_SHOW = ("far-end-grounded", "longer-lead", "known-capacitor", *STANDARDS)
 
 
+# The kind of a value that was probably read or written wrongly.
+STRANGE_VALUE = "strange-value"
+
+
 @dataclass(frozen=True)
 class Mistake:
     """A mistake that may explain a sweep.

@@ -106,7 +106,11 @@ def _confirming(fit: Fit, done: Container[str]) -> JsonDict:
     """The condition to which the effect that was added last responds most."""
     effect = find_effect(fit.effects[-1]).effect
     names = {*effect.responds, *(["second-temperature"] if effect.copper else [])}
-    predicted = [(option, _answer(option, fit)) for option in MENU if option.name in names and option.name not in done and option.kind == "change"]
+    predicted = [
+        (option, _answer(option, fit))
+        for option in MENU
+        if option.name in names and option.name not in done and option.kind == "change" and option.predicted
+    ]
     option, answer = max(predicted, key=lambda entry: entry[1].ratio, default=(None, NO_CHANGE))
     if option is None or answer.ratio < CLEAR:
         return {"id": f"confirm-{effect.name}", "why": f"to confirm {effect.name}: {effect.deciding}"}

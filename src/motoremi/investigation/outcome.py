@@ -342,6 +342,8 @@ class Outcome:
         """Impedance of each sweep, in ohm: as it was measured, otherwise with the most probable response."""
         factor, _ = factors(self._responses, np.zeros(self._responses.size), self._names)
         moved = self._physical(self.fit.unknowns) * factor
+        for place, mean_value, _ in self._anew:
+            moved[place] = mean_value
         found = []
         for sweep, tape in zip(self.sweeps, self._tapes, strict=True):
             with np.errstate(all="ignore"):

@@ -22,11 +22,12 @@ from motoremi.data.measurement import Measurement
 from motoremi.fitting.result import Fit
 from motoremi.investigation.conditioned import by_condition
 from motoremi.investigation.menu import BY_NAME, Option
-from motoremi.investigation.mistakes import WRONG, Mistake, mistakes, repeated
+from motoremi.investigation.mistakes import STRANGE_VALUE, WRONG, Mistake, mistakes, repeated
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.responses import NONE_AT_ALL
 from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, mixed, weigh
 from motoremi.model.effects import find_effect
+from motoremi.threads import one_blas_thread
 
 Key = tuple[str, ...]
 # Label of the explanation by an effect outside the catalogue.
@@ -34,7 +35,8 @@ OUTSIDE = "outside-the-catalogue"
 # Models further behind the best than this (log odds) are not evaluated; their distance is kept.
 BEHIND = 12.0
 MOST_RIVALS = 10
-# Share of true explanations whose predicted response is completely wrong: no single measurement refutes by more than 50 to 1.
+# Share of true explanations whose predicted response is completely wrong: no single measurement refutes an effect by another one by more than
+# 50 to 1.
 DOUBT = 0.02
 # Number of the most probable explanations that an effect outside the catalogue may resemble.
 LIKE = 3
@@ -208,6 +210,7 @@ class Lessons:
         self._start = start
         self._learnt: dict[tuple[bytes, ...], Rivals] = {}
 
+    @one_blas_thread
     def after(self, measurement: Measurement) -> Rivals:
         """The explanations after all sweeps under conditions and single values of a measurement with these reference sweeps."""
         rivals = self._start
@@ -266,10 +269,15 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
 
 
 def _doubted(rivals: Rivals, logs: Sequence[float]) -> list[float]:
-    """Log likelihoods if each rival may be right and its response wrong: the outcome is then predicted by any of them."""
+    """Log likelihoods if each rival may be right and its response wrong.
+
+    The outcome is then as likely as with the effect of the catalogue that predicts it best, so that no measurement changes the odds of two of these
+    by more than 1 / `DOUBT`; or it is predicted by any of them, an effect outside the catalogue included.
+    """
     weights = np.array([one.log_weight for one in rivals.members])
     any_of_them = float(logsumexp(weights - logsumexp(weights) + np.array(logs)))
-    return [float(np.logaddexp(np.log(1 - DOUBT) + log, np.log(DOUBT) + any_of_them)) for log in logs]
+    best = max([log for one, log in zip(rivals.members, logs, strict=True) if not one.outside], default=-np.inf)
+    return [float(np.logaddexp(np.log(1 - DOUBT) + log, np.log(DOUBT) + max(best, any_of_them))) for log in logs]
 
 
 def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Mapping[str, float]) -> Weighed:
@@ -320,23 +328,28 @@ def _departing(sweeps: Sequence[Observed], nearest: Rival) -> list[float]:
     return found
 
 
-# Probability that a value was read wrongly.
+# Probability that a value was read wrongly, and that its unit has a wrong prefix, by these factors.
 SLIP = 0.02
+PREFIXES = (1e-6, 1e-3, 1e3, 1e6)
 
 
 def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
+    """The explanations after a value, which may have been read or written wrongly."""
     setting = VALUES[value.name].setting
     slip = float(np.log(SLIP) - np.log(np.log(setting.high / setting.low)))
-    logs, known, read = [], [], []
+    logs, known, read, prefixed = [], [], [], []
     for rival in rivals.members:
-        prediction = ValueOutcome(rival.fit, value)
-        if not prediction.known:
+        if not ValueOutcome(rival.fit, value).known:
             return rivals
-        found = weigh(prediction, rival.known, OUTSIDE_VALUE if rival.outside else AS_READ)
-        own = found.log_likelihood + float(np.log(1 - SLIP))
-        logs.append(float(np.logaddexp(own, slip)))
+        widths = OUTSIDE_VALUE if rival.outside else AS_READ
+        found = weigh(ValueOutcome(rival.fit, value), rival.known, widths)
+        own = found.log_likelihood + float(np.log(1 - 2 * SLIP))
+        others = [weigh(ValueOutcome(rival.fit, _scaled(value, factor)), rival.known, widths).log_likelihood for factor in PREFIXES]
+        prefix = float(logsumexp(others) + np.log(SLIP / len(PREFIXES)))
+        logs.append(float(logsumexp([own, slip, prefix])))
         known.append(found.known if own > slip else rival.known)
         read.append(rival.log_weight + own)
+        prefixed.append(rival.log_weight + prefix)
     total = float(logsumexp([rival.log_weight + log for rival, log in zip(rivals.members, logs, strict=True)]))
     members = [
         dataclasses.replace(rival, log_weight=rival.log_weight + factor, known=own)
@@ -344,8 +357,14 @@ def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
     ]
     noticed: tuple[Mistake, ...] = ()
     if float(np.exp(logsumexp(read) - total)) < 0.5:
-        noticed = (Mistake("strange-value", f"{value}: far from the prediction of every explanation", slip),)
+        wrong_prefix = float(np.exp(logsumexp(prefixed) - total)) > 0.5
+        why = "the prefix of its unit is probably wrong" if wrong_prefix else "far from the prediction of every explanation"
+        noticed = (Mistake(STRANGE_VALUE, f"{value}: {why}", slip, used=True),)
     return _with(rivals, members, value.text, noticed)
+
+
+def _scaled(value: SingleValue, factor: float) -> SingleValue:
+    return dataclasses.replace(value, value_si=value.value_si * factor, sigma=value.sigma * factor)
 
 
 # What no model describes of a value, as a logarithm.
