@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from motoremi.arrays import JsonDict
-from motoremi.data.session import Session, load
+from motoremi.data.session import is_up_to_date, load
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.errors import BadInput
@@ -53,16 +53,6 @@ def refuse_unknown(without: Iterable[str], own: Iterable[Mapping[str, Any]] = ()
     known = {*BY_NAME, *(str(one["id"]) for one in own)}
     for name in sorted(set(without) - known):
         raise BadInput(f"unknown measurement {clean_text(name, 40)!r}; known are {', '.join(sorted(known))}")
-
-
-def is_up_to_date(session: Session) -> bool:
-    """Whether the stored diagnosis includes every sweep and value."""
-    for document in reversed(session.documents):
-        if document["kind"] in ("sweep", "value"):
-            return False
-        if document["kind"] == "analysis" and document.get("name") == "diagnosis":
-            return True
-    return False
 
 
 def chosen(question: JsonDict, without: Iterable[str], own: Iterable[Mapping[str, Any]] = ()) -> JsonDict:

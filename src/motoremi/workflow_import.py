@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from motoremi.arrays import JsonDict
-from motoremi.data.analyser import find_analyser
+from motoremi.data.analyser import DEFAULT_ANALYSER, find_analyser
 from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
 from motoremi.data.declaration import COMPENSATED, refuse_impossible
 from motoremi.data.import_notes import import_notes
 from motoremi.data.measurement import Measurement
-from motoremi.data.session import SessionWriter, load, reopen
+from motoremi.data.session import Session, SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep, checked_accuracy
 from motoremi.emission.limit import find_limit
@@ -114,11 +115,14 @@ class Addition:
     values : tuple of SingleValue
     caveats : tuple of str
         Limitations that a reader has to know.
+    empties_ladder : bool
+        Whether the models of the session's ladder were fitted to other data than those with the addition.
     """
 
     sweeps: tuple[ImpedanceSweep, ...]
     values: tuple[SingleValue, ...]
     caveats: tuple[str, ...]
+    empties_ladder: bool
 
     def store(self, folder: Path) -> None:
         """Add them; the data that the session has already are not changed."""
@@ -129,8 +133,7 @@ class Addition:
                 writer.add_value(value)
             if asked := self._asked(folder):
                 writer.save_analysis("investigation", asked)
-            if any(sweep.condition is None for sweep in self.sweeps) and load(folder).ladder:
-                # The models of the ladder were fitted without these sweeps.
+            if self.empties_ladder:
                 writer.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": []})
 
     def _asked(self, folder: Path) -> JsonDict | None:
@@ -159,12 +162,14 @@ def addition(
     condition : Condition, optional
         Condition under which all sweeps were measured.
     options : ImportOptions
-        Analyser, compensation, band and accuracy; where not given, the analyser and the compensation of the session.
+        Analyser, compensation, band and accuracy; where not given, the analyser and the compensation of the session. Analyser and accuracy apply to
+        all sweeps, so they must be those of the session.
 
     Raises
     ------
     BadInput
-        If there is nothing to add, a file states another condition, or the sweeps do not fit those of the session.
+        If there is nothing to add, a file states another condition, or the sweeps do not fit those of the session; for options of sweeps without
+        any.
     """
     if condition is not None and not sweeps:
         raise BadInput(f"--condition {condition} is for sweeps: give --short FILE..., --open FILE... with it")
@@ -173,30 +178,75 @@ def addition(
     session = load(folder)
     if not session.sweeps:
         raise BadInput(f"{folder.name} holds no impedance sweep of the motor as it is: append to a session that does")
+    if "procedure" in session.start and session.status != "done":
+        # A resumed run would take them for its own.
+        raise BadInput(f"{folder.name}: its measurement was interrupted; finish it first: motoremi run --resume {shlex.quote(str(folder))}")
+    if options.analyser is not None and not sweeps:
+        raise BadInput("--analyser is for impedance sweeps: leave it out, or give --short FILE..., --open FILE... with it")
     own = []
-    for sweep in _with_options(sweeps, options) if sweeps else ():
+    for sweep in _with_options(sweeps, options):
         if sweep.condition is not None and condition is not None and sweep.condition != condition:
             raise BadInput(f"{sweep.metadata['source']}: its header states {sweep.condition}, but --condition is {condition}; correct one of them")
         own.append(sweep.under(condition or sweep.condition))
     refuse_impossible(own, options.analyser)
-    analyser = session.sweeps[0].metadata.get("analyser")
-    if options.analyser is not None:
-        named = find_analyser(options.analyser).name
-        if own and analyser not in (None, named):
-            raise BadInput(f"the sweeps of {folder.name} are declared as those of {analyser}: sweeps of {named} need a session of their own")
-        analyser = named
-    if analyser is not None:
-        own = [sweep.with_metadata(analyser=analyser) for sweep in own]
-    if standards := session.sweeps[0].metadata.get("compensated"):
-        own = [sweep.with_metadata(**{"compensated": standards, **sweep.metadata}) for sweep in own]
+    own = [_as_declared(sweep, session, options) for sweep in own]
+    before = Measurement.of((*session.corrected_sweeps, *session.corrected_conditioned), values=session.values)
     corrected = [session.corrections.corrected_sweep(sweep) for sweep in own]
     everything = (*session.corrected_sweeps, *session.corrected_conditioned, *corrected)
     measurement = Measurement.of(everything, values=(*session.values, *values))
-    return Addition(tuple(own), tuple(values), (*measurement.copies(), *_disagreeing(measurement, own)))
+    caveats = (*measurement.copies(), *_disagreeing(measurement, own), *_unlike_stored(before, corrected))
+    return Addition(tuple(own), tuple(values), caveats, bool(session.ladder) and not _same_repeats(before, measurement))
 
 
-# Repeats that differ by more than this share of |Z|, rms, were not measured under the same condition.
+def _as_declared(sweep: ImpedanceSweep, session: Session, options: ImportOptions) -> ImpedanceSweep:
+    """A sweep to add, with the analyser and the compensation of the session's sweeps.
+
+    Raises
+    ------
+    BadInput
+        If it states another analyser or accuracy: those of one sweep apply to all, also to those that the session has already.
+    """
+    name, source = session.path.name, sweep.metadata.get("source", f"the {sweep.termination} sweep")
+    stored = next((str(one.metadata["analyser"]) for one in session.sweeps if one.metadata.get("analyser")), None)
+    declared = stored if stored is not None else DEFAULT_ANALYSER
+    # The session's analyser overrides that of a file's header, as --analyser does in a new session.
+    stated = options.analyser or (sweep.metadata.get("analyser") if stored is None and sweep.condition is None else None)
+    named = declared if stated is None else find_analyser(str(stated)).name
+    if named != declared:
+        those = f"the sweeps of {name} are declared as those of {stored}" if stored else f"the analyser of the sweeps of {name} is not named"
+        remedy = "leave the analyser out, or import all sweeps again with it"
+        raise BadInput(f"{source}: {those}: sweeps of {named} need a session of their own; {remedy}")
+    accuracies = [float(one.metadata["accuracy_percent"]) for one in session.sweeps if one.metadata.get("accuracy_percent")]
+    accuracy = sweep.metadata.get("accuracy_percent")
+    if accuracy is not None and accuracy not in accuracies and (options.accuracy or sweep.condition is None):
+        those = f"{max(accuracies):g} %" if accuracies else "no accuracy"
+        raise BadInput(
+            f"{source}: an accuracy of {accuracy:g} % is stated, but {those} for the sweeps of {name}, and it applies to all: leave it out, or "
+            "import all sweeps again with it"
+        )
+    if stored is not None:
+        sweep = sweep.with_metadata(analyser=stored)
+    if standards := session.sweeps[0].metadata.get("compensated"):
+        sweep = sweep.with_metadata(**{"compensated": standards, **sweep.metadata})
+    return sweep
+
+
+def _same_repeats(before: Measurement, after: Measurement) -> bool:
+    """Whether both are the same data of the motor as it is, so that a fit to one is a fit to the other."""
+    if (before.terminations, before.analyser, before.accuracy_percent) != (after.terminations, after.analyser, after.accuracy_percent):
+        return False
+    return all(
+        np.array_equal(one.impedance_ohm, other.impedance_ohm) and np.array_equal(noise.sigma, others.sigma)
+        for one, other, noise, others in zip(before.sweeps, after.sweeps, before.noise, after.noise, strict=True)
+    )
+
+
+# Repeats that differ by more than this share of |Z|, rms, were not measured under the same condition. Of appended repeats the median over the
+# points counts: beside a sharp resonance a small shift is a large difference, a motor that has warmed differs mainly where its resistance is seen,
+# and leads that moved change a small part of the band.
 DISAGREEING = 0.02
+# Random noise alone must not be taken for a difference: its median over many points is below so many times what is expected at a point.
+OF_NOISE = 3.0
 
 
 def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> list[str]:
@@ -210,6 +260,30 @@ def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> lis
             if rms > DISAGREEING:
                 which = f"{one.condition}: the {one.sweep.repeats} {one.sweep.termination} sweeps"
                 found.append(f"{which} disagree by {percent(100 * rms, 2)}; their mean is of little use")
+    return found
+
+
+def _unlike_stored(stored: Measurement, new: Sequence[ImpedanceSweep]) -> list[str]:
+    """A sentence for each further repeat that differs from the stored ones of its termination by more than repeats of one motor do."""
+    found = []
+    known = {sweep.termination: (sweep, noise) for sweep, noise in zip(stored.sweeps, stored.noise, strict=True)}
+    for one in new:
+        if one.condition is not None or one.termination not in known:
+            continue
+        sweep, noise = known[one.termination]
+        ratio = one.impedance_ohm / sweep.mean_ohm
+        apart = float(np.median(np.abs(ratio - 1)))
+        # The noise is that of the mean; the new one is a single repeat.
+        expected = float(np.median(np.sqrt(2 * noise.variance * (1 + sweep.repeats))))
+        if apart <= max(DISAGREEING, OF_NOISE * expected):
+            continue
+        times = float(np.median(np.abs(ratio)))
+        size = f"by {percent(100 * apart, 2)} of |Z|" if apart < 1 else f"by a factor of {times:.3g}"
+        which = f"{one.metadata.get('source', 'a sweep')} differs from the stored {one.termination} sweeps"
+        found.append(
+            f"{which} {size} (median over the points); repeats are averaged, so if it is of another motor, termination or unit, import it as a "
+            "session of its own, and the files of this motor again without it; if the motor was set up otherwise, append it with --condition"
+        )
     return found
 
 

@@ -236,6 +236,60 @@ def test_figures_find_the_drift_the_outlier_and_the_effects():
     assert "line/m030" in page
 
 
+def with_value(results: list[dict], session: str, parameter: str, value: float, sigma: float) -> list[dict]:
+    """The same results with one value, which its own fit knows within `sigma`."""
+    (one,) = (result for result in results if result["session"] == session)
+    one["best"]["parameters"][parameter].update(value=value, sigma=sigma)
+    return results
+
+
+@pytest.mark.parametrize(("sigma", "told"), [(0.32, False), (0.01, True)])
+def test_a_value_is_compared_with_regard_to_its_own_uncertainty(sigma, told):
+    # The fleet's Cf is 200 pF within 5 %; 119 pF is 40 % lower, ten times as far as the fleet spreads.
+    figures = fleet_figures(with_value(story(), "line/m004", "Cf", 119e-12, sigma * 119e-12), "golden/*")
+    assert (("line/m004", "Cf") in {(o["session"], o["parameter"]) for o in figures["outliers"]}) is told
+    assert (("line/m004", "Cf") in {(b["session"], b["parameter"]) for b in figures["beyond_limits"]}) is told
+    # The motor that really is another one is told in both cases.
+    assert ("line/m030", "Cf") in {(o["session"], o["parameter"]) for o in figures["outliers"]}
+
+
+def test_distance_and_limits_with_the_own_uncertainty():
+    exact, uncertain = (fleet_figures(with_value(story(), "line/m030", "Cf", 2e-9, sigma * 2e-9), "golden/*") for sigma in (0.0, 0.2))
+    spread = exact["parameters"]["Cf"]["spread_percent"] / 100
+    assert uncertain["outliers"][0]["distance"] == pytest.approx(exact["outliers"][0]["distance"] * spread / np.hypot(spread, 0.2))
+    limit = exact["limits"]["Cf"]
+    half, middle = 0.5 * np.log(limit["high"] / limit["low"]), np.sqrt(limit["high"] * limit["low"])
+    wider = np.exp(np.hypot(half, limit["factor"] * 0.1))
+    for factor, beyond in ((0.99, False), (1.01, True)):
+        for edge in (middle * wider**factor, middle / wider**factor):
+            figures = fleet_figures(with_value(story(), "line/m004", "Cf", edge, 0.1 * edge), "golden/*")
+            assert (("line/m004", "Cf") in {(b["session"], b["parameter"]) for b in figures["beyond_limits"]}) is beyond
+
+
+def test_what_the_data_do_not_determine_is_not_compared_and_told():
+    results = story()
+    for result in results[:9]:
+        del result["best"]["parameters"]["Cf"]
+        result["best"]["undetermined"] = ["Cf"]
+    figures = fleet_figures(results, "golden/*")
+    # Motor 7, whose fit did not converge, is in no figure.
+    assert len(figures["undetermined"]["Cf"]) == 8
+    assert figures["parameters"]["Cf"]["n"] == 51
+    page = fleet_html(figures, "story")
+    assert "Cf is not determined by the data of line/m000; golden/m001; golden/m002" in page
+    assert "and 2 more: not compared" in page
+
+
+def test_a_narrow_sweep_leaves_parameters_undetermined(tmp_path, measure):
+    with SessionWriter.create(tmp_path / "narrow", {"title": "x"}) as writer:
+        for sweep in measure(2, repeats=1)[0]:
+            writer.add_sweep(sweep.within(150e3, 300e3))
+        writer.close("done")
+    best = work(Job("narrow", str(tmp_path), False, 1))["best"]
+    assert best["undetermined"]
+    assert not set(best["undetermined"]) & set(best["parameters"])
+
+
 def test_chance_alone_is_no_drift():
     results = story()
     rng = np.random.default_rng(1)

@@ -178,9 +178,11 @@ def test_everything_that_was_asked_is_in_the_session_and_is_replayed_bit_for_bit
     assert [value.name for value in session.values] == ["dc-resistance"]
     # One identification and one compensation serve all sweeps, and the operator is told in plain words.
     assert hands.told[:4] == [
-        "warm the motor (stored as second-temperature=53degC)", "Leave the fixture open (open standard), with nothing within 10 cm", "Connect the short standard to the fixture",
+        "warm the motor (stored as second-temperature=53degC)",
+        "Leave the fixture open (open standard), with nothing within 10 cm",
+        "Connect the short standard to the fixture",
         "Connect the analyser between the two terminals of the motor, the far one joined to the frame",
-    ]  # fmt: skip
+    ]
     assert len([document for document in session.documents if document["kind"] == "compensation"]) in (2, 4)
     again = rerun(session, tmp_path / "again", lambda: lambda *_: None)
     assert again.same

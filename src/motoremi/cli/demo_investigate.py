@@ -29,7 +29,7 @@ def demo_investigation(folder: Path, seed: int, effect: str, *, as_json: bool) -
     if as_json:
         emit_json({**found.to_dict(), "session": str(folder), "hidden": list(hidden), "seed": seed})
         return
-    show_end(found)
+    show_end(found, folder)
     say(f"\nWhat the motor hid: {', '.join(hidden) or 'nothing'} (seed {seed})\nsession: {folder}")
 
 

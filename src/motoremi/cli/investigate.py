@@ -52,7 +52,7 @@ def investigate_(
     if as_json:
         emit_json(found.to_dict())
         return
-    show_end(found)
+    show_end(found, path)
 
 
 def investigated(path: Path, bench_file: BenchFile, plan: Plan, *, quiet: bool) -> Investigation:
@@ -130,9 +130,9 @@ def show_step(assessment: Assessment, step: Step | None) -> None:
         say(f"  found in the data: {finding['id']}: {finding['why']}")
 
 
-def show_end(found: Investigation) -> None:
-    """Print the result."""
-    from motoremi.cli.output import say
+def show_end(found: Investigation, path: Path) -> None:
+    """Print the result, with the session in the commands that it proposes."""
+    from motoremi.cli.output import quoted, say
     from motoremi.workflow_investigate import ENDS
 
     diagnosis = found.diagnosis
@@ -140,7 +140,7 @@ def show_end(found: Investigation) -> None:
     spent = f"{found.minutes:.3g} min at the bench, {len(found.steps)} measurements"
     say(f"{ENDS[found.stop]}: {named}, confidence {diagnosis['confidence']:.2f}; {spent}")
     for reason in diagnosis["reasons"]:
-        say(f"  {reason}")
+        say(f"  {reason.replace('SESSION', quoted(path))}")
     if found.refused:
         say(f"  not done: {', '.join(found.refused)}")
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 def import_(
+    context: typer.Context,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Session folder to make; with --append, the session to add to.", show_default=False)],
     append: Annotated[bool, typer.Option("--append", help="Add to a session: more repeats, sweeps under a condition, values.")] = False,
     condition: Annotated[
@@ -122,7 +123,13 @@ def import_(
             refuse_other_termination(condition, bool(short), bool(open_))
         further = _sweeps(short or [], open_ or [], fixture, span, units)
         _check_units(units, further)
-        added = addition(out, further, values, under, ImportOptions(analyser, band, accuracy, compensated=compensated))
+        stated = ImportOptions(
+            analyser if _is_typed(context, "analyser") else None,
+            band if further or _is_typed(context, "band") else "",
+            accuracy if _is_typed(context, "accuracy") else "",
+            compensated=compensated and (bool(further) or _is_typed(context, "compensated")),
+        )
+        added = addition(out, further, values, under, stated)
         added.store(out)
         _show_addition(out, added, as_json)
         return
@@ -172,6 +179,12 @@ def import_(
     raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
 
 
+def _is_typed(context: typer.Context, name: str) -> bool:
+    """Whether an option was given with the command; one of a settings file is for new sessions, whose sweeps then carry it."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
 def _not_named(sweeps: Sequence[ImpedanceSweep]) -> str:
     from motoremi.data.declaration import declared_analyser, is_compensated
 
@@ -203,6 +216,7 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
                 ],
                 "values": [one.to_dict() for one in added.values],
                 "caveats": list(added.caveats),
+                "empties_ladder": added.empties_ladder,
             }
         )
         return
@@ -212,6 +226,9 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
         say(f"value {one}")
     for remark in added.caveats:
         say(f"note: {remark}")
+    if added.empties_ladder:
+        again = f"motoremi fit {quoted(session)}, then motoremi add {quoted(session)} EFFECT"
+        say(f"note: the models of the ladder were fitted without these sweeps and are removed; fit them again: {again}")
     say(f"next: motoremi diagnose {quoted(session)}")
 
 
@@ -560,7 +577,7 @@ def _say_details(step: JsonDict) -> None:
 
 def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
     """Show the ladder: the models so far and their errors."""
-    from motoremi.cli.output import emit_json, say
+    from motoremi.cli.output import emit_json, quoted, say
     from motoremi.data.session import load
     from motoremi.model.effects.names import as_sum
     from motoremi.report.words import described, would_leave
@@ -570,7 +587,7 @@ def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
         emit_json({"schema": "motoremi.ladder/1", "steps": steps})
         return
     if not steps:
-        say(f"the ladder is empty: motoremi fit {path}")
+        say(f"the ladder is empty: motoremi fit {quoted(path)}")
     for number, step in enumerate(steps):
         fit = step["fit"]
         model = as_sum(("paper's circuit", *fit["effects"]))
@@ -581,7 +598,7 @@ def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
     if steps and "unexplained_percent" in steps[-1]["fit"]:
         say(f"   {would_leave(steps[-1]['fit']['floor_percent'], steps[-1]['fit']['noise_percent'])}")
     elif steps:
-        say(f"   fitted by an earlier version: motoremi fit {path}")
+        say(f"   fitted by an earlier version: motoremi fit {quoted(path)}")
 
 
 def next_(
@@ -609,15 +626,17 @@ def next_(
 
 def _answer(path: Path, asked: JsonDict) -> str:
     """The command that imports the answer."""
-    asks = asked["asks"]
+    from motoremi.cli.output import quoted
+
+    asks, session = asked["asks"], quoted(path)
     if asks["kind"] == "value":
-        return f"motoremi import {path} --append --value {asks['condition']}=VALUE{asks['unit']}"
+        return f"motoremi import {session} --append --value {asks['condition']}=VALUE{asks['unit']}"
     files = {"short": "--short FILE...", "open": "--open FILE..."}
     named = files.get(asks["termination"], "--short FILE... --open FILE...")
     if asks["condition"] is None:
-        return f"motoremi import {path} --append {named}"
+        return f"motoremi import {session} --append {named}"
     value = f"=VALUE{asks['unit']}" if asks["unit"] else ""
-    return f"motoremi import {path} --append --condition {asked['condition_id']}{value} {named}"
+    return f"motoremi import {session} --append --condition {asked['condition_id']}{value} {named}"
 
 
 def report_(
@@ -641,7 +660,7 @@ def report_(
         raise BadInput("--out is for several sessions; the report of one goes into its own report folder")
     for name in ("profile", "form", "sections") if len(paths) > 1 else ():
         # In a settings file these options are allowed: they apply to reports of one session.
-        if (source := context.get_parameter_source(name)) is not None and source.name == "COMMANDLINE":
+        if _is_typed(context, name):
             raise BadInput(f"--{name} is for the report of one session")
     choice = Choice(form, frozenset(name.strip() for name in sections.split(",") if name.strip()))
     # A report creates half a million objects that live until its end; garbage collection would take a tenth of its time.

@@ -21,7 +21,7 @@ from motoremi.data.mislabelled import without_mislabelled
 from motoremi.data.moved import at_average_leads
 from motoremi.data.noise import Noise, estimate_noise
 from motoremi.data.quantity import Quantity
-from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, Termination, group_repeats
+from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, Termination, group_repeats, same_frequencies
 from motoremi.errors import BadInput
 
 # Discrepancy that is accepted if no accuracy is stated: no impedance analyser is specified better.
@@ -126,7 +126,7 @@ class Measurement:
     def on_the_same_frequencies(self) -> bool:
         """Whether all sweeps were measured at the same frequencies."""
         first = self.sweeps[0].frequency_hz
-        return all(sweep.frequency_hz.size == first.size and np.allclose(sweep.frequency_hz, first) for sweep in self.sweeps)
+        return all(same_frequencies(first, sweep.frequency_hz) for sweep in self.sweeps)
 
     @property
     def done(self) -> frozenset[str]:

@@ -34,7 +34,7 @@ from motoremi.errors import BadInput
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Session", "SessionWriter", "StorageError", "load", "reopen", "verify"]
+__all__ = ["Session", "SessionWriter", "StorageError", "is_up_to_date", "load", "reopen", "verify"]
 # Number of parsed files that are cached, because the workbench loads a session again after every change.
 KEPT = 32
 
@@ -317,3 +317,13 @@ def run_status(documents: Sequence[JsonDict]) -> str:
         elif document["kind"] == "reopen":
             is_addition = True
     return status
+
+
+def is_up_to_date(session: Session) -> bool:
+    """Whether the stored diagnosis includes every sweep and value."""
+    for document in reversed(session.documents):
+        if document["kind"] in ("sweep", "value"):
+            return False
+        if document["kind"] == "analysis" and document.get("name") == "diagnosis":
+            return True
+    return False

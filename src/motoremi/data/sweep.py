@@ -29,6 +29,9 @@ MINIMUM_POINTS = 8
 # Repeats of the analyser with the lowest noise at hand scatter by 6e-5: readings this close, relative to |Z|, are those of one measurement, in the
 # same file or in another format with fewer digits.
 SAME_READINGS = 1e-5
+# Frequencies this close, relative to themselves and to the distance of the next point, are the same: files round them differently, to hertz or to
+# millionths of a megahertz. |Z| of an inductance or a capacitance differs by as much as the frequency, which is less than the lowest noise above.
+SAME_FREQUENCY, OF_SPACING = 1e-5, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,6 +256,15 @@ def checked_frequency(frequency_hz: ArrayLike, what: str, minimum_points: int) -
     return frequency
 
 
+def same_frequencies(first_hz: FloatArray, other_hz: FloatArray) -> bool:
+    """Whether two frequency axes are the same but for the rounding of files."""
+    if first_hz.size != other_hz.size:
+        return False
+    steps = np.diff(first_hz, prepend=-np.inf, append=np.inf)
+    spacing = np.minimum(steps[:-1], steps[1:])
+    return bool(np.all(np.abs(other_hz - first_hz) <= np.minimum(SAME_FREQUENCY * first_hz, OF_SPACING * spacing)))
+
+
 @dataclass(frozen=True, eq=False)
 class RepeatedSweep:
     """All repeats of one termination, on one frequency axis.
@@ -324,6 +336,8 @@ def _without_copies(repeats: Sequence[ComplexArray]) -> ComplexArray:
 def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
     """Group the repeats of each termination; the short-circuit sweep comes first. A copy of a repeat counts once.
 
+    The frequencies are those of the first repeat.
+
     Raises
     ------
     BadInput
@@ -340,7 +354,7 @@ def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
             continue
         first = members[0]
         for other in members[1:]:
-            if len(other) != len(first) or not np.allclose(other.frequency_hz, first.frequency_hz, rtol=1e-9, atol=0):
+            if not same_frequencies(first.frequency_hz, other.frequency_hz):
                 shown = f"{first.summary()} against {other.summary()}"
                 raise BadInput(
                     f"repeats of the {termination} sweep must have the same frequencies, {_unlike(first, other)}: measure them with the same "

@@ -60,15 +60,24 @@ def _shown(figures: JsonDict, name: str, value: float) -> str:
 
 
 def _distributions(figures: JsonDict) -> Section:
+    unknown = figures["undetermined"]
     rows = tuple(
-        (name, str(d["n"]), *(show(d[key], d["unit"]) for key in ("q05", "median", "q95")), percent(d["spread_percent"], 2))
+        (
+            name,
+            str(d["n"]),
+            str(len(unknown.get(name, ()))),
+            *(show(d[key], d["unit"]) for key in ("q05", "median", "q95")),
+            percent(d["spread_percent"], 2),
+        )
         for name, d in figures["parameters"].items()
     )
-    table = Table("Parameters of the best model of each session, where its data determine them", ("", "n", "5 %", "median", "95 %", "spread"), rows)
+    title = "Parameters of the best model of each session, where its data determine them"
+    table = Table(title, ("", "n", "not determined", "5 %", "median", "95 %", "spread"), rows)
     if not rows:
         return Section("Parameters", ("No session gave a result.",))
+    texts = tuple(f"{name} is not determined by the data of {_listed(sessions)}: not compared." for name, sessions in unknown.items())
     return Section(
-        "Parameters", (), (table,), (Picture(to_svg(_histograms(figures), "histograms", "distributions"), "Distribution of each parameter."),)
+        "Parameters", texts, (table,), (Picture(to_svg(_histograms(figures), "histograms", "distributions"), "Distribution of each parameter."),)
     )
 
 
@@ -100,13 +109,15 @@ def _strays(figures: JsonDict) -> Section:
     rows = tuple(
         (o["session"], o["parameter"], _shown(figures, o["parameter"], o["value"]), f"{o['distance']:+.1f}") for o in found[:_LONGEST_TABLE]
     )
-    table = Table("Farthest from the median, in robust standard deviations", ("session", "parameter", "value", "distance"), rows)
+    title = "Farthest from the median, in standard deviations: the fleet's, robust, and that of the motor's own value together"
+    table = Table(title, ("session", "parameter", "value", "distance"), rows)
     return Section("Outliers", () if rows else ("None.",), (table,) if rows else ())
 
 
 def _golden(figures: JsonDict) -> Section:
     limits = tuple((name, str(x["n"]), _shown(figures, name, x["low"]), _shown(figures, name, x["high"])) for name, x in figures["limits"].items())
-    text = f"Sessions {figures['golden']!r} are the golden set. The limits contain 95 % of such motors with 95 % confidence."
+    text = f"Sessions {figures['golden']!r} are the golden set. The limits contain 95 % of such motors with 95 % confidence. "
+    text += "A value is beyond them if it is so with its own uncertainty."
     if not limits:
         return Section("Limits from the golden set", (text, "Fewer than five golden sessions gave a result: no limits."))
     beyond = tuple(

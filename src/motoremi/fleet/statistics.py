@@ -33,6 +33,8 @@ class _Row:
     time: float
     serial: float
     values: dict[str, float]
+    # Relative standard deviation of each value by its own fit.
+    sigma: dict[str, float]
 
 
 def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict:
@@ -49,13 +51,15 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
     -------
     dict
         `counts`, `verdicts`, `effects`, `findings` (each serious one with its sessions), `parameters` (n, median, robust spread, quantiles),
-        `drift`, `outliers`, `limits`, `beyond_limits`, `troubles`; and `values`, the columns behind them.
+        `undetermined` (sessions whose data do not determine a parameter, which are not compared by it), `drift`, `outliers`, `limits`,
+        `beyond_limits`, `troubles`; and `values`, the columns behind them.
     """
     rows: list[_Row] = []
     units: dict[str, str] = {}
     verdicts: Counter[str] = Counter()
     effects: Counter[str] = Counter()
     findings: dict[str, list[str]] = defaultdict(list)
+    undetermined: dict[str, list[str]] = defaultdict(list)
     troubles: list[JsonDict] = []
     for result in results:
         if result["status"] != "done":
@@ -72,10 +76,16 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
             troubles.append({"session": result["session"], "status": "done", "trouble": "the fit did not converge: left out of the figures"})
             continue
         units.update({name: entry["unit"] for name, entry in best["parameters"].items()})
+        # Results that an earlier version stored do not have them.
+        for name in best.get("undetermined", ()):
+            undetermined[name].append(result["session"])
         values = {name: float(entry["value"]) for name, entry in best["parameters"].items() if entry["value"] > 0}
-        rows.append(_Row(result["session"], _seconds(result["time"]), _number(result["serial"]), {**values, "error": best["rms_error_percent"]}))
+        sigma = {name: float(best["parameters"][name]["sigma"]) / value for name, value in values.items()}
+        figures = {**values, "error": best["rms_error_percent"]}
+        rows.append(_Row(result["session"], _seconds(result["time"]), _number(result["serial"]), figures, {**sigma, "error": 0.0}))
     units["error"] = "%"
     columns = _columns(rows)
+    own = {row.session: row.sigma for row in rows}
     limits = _limits(columns, {row.session for row in rows if golden is not None and fnmatch.fnmatchcase(row.session, golden)})
     return {
         "schema": "motoremi.fleet/1",
@@ -85,10 +95,11 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         "findings": dict(sorted(findings.items(), key=lambda entry: -len(entry[1]))),
         "parameters": {name: {"unit": units[name], **_distribution(column)} for name, column in columns.items()},
         "drift": _drift(rows, columns),
-        "outliers": _outliers(columns),
+        "undetermined": dict(undetermined),
+        "outliers": _outliers(columns, own),
         "golden": golden,
         "limits": limits,
-        "beyond_limits": _beyond(columns, limits),
+        "beyond_limits": _beyond(columns, limits, own),
         "troubles": troubles,
         "values": {name: dict(column) for name, column in columns.items()},
         "times": {row.session: row.time for row in rows if np.isfinite(row.time)},
@@ -152,15 +163,15 @@ def _drift(rows: list[_Row], columns: dict[str, dict[str, float]]) -> list[JsonD
     return significant
 
 
-def _outliers(columns: dict[str, dict[str, float]]) -> list[JsonDict]:
-    """Sessions far from the rest, the farthest first."""
+def _outliers(columns: dict[str, dict[str, float]], own: dict[str, dict[str, float]]) -> list[JsonDict]:
+    """Sessions far from the rest, the farthest first; a value that is known less well may be farther away."""
     found = []
     for name, column in columns.items():
         logs = np.log(np.array(list(column.values())))
         sigma = _robust_sigma(logs)
         if len(logs) < FEWEST or sigma == 0:
             continue
-        distance = (logs - np.median(logs)) / sigma
+        distance = (logs - np.median(logs)) / np.hypot(sigma, [own[session][name] for session in column])
         for session, value, far in zip(column, column.values(), distance.tolist(), strict=True):
             if abs(far) > OUTLIER:
                 found.append({"session": session, "parameter": name, "value": value, "distance": far})
@@ -192,14 +203,18 @@ def tolerance_factor(count: int) -> float:
     return float(z * np.sqrt((count - 1) * (1 + 1 / count) / chi2))
 
 
-def _beyond(columns: dict[str, dict[str, float]], limits: dict[str, JsonDict]) -> list[JsonDict]:
-    return [
-        {"session": session, "parameter": name, "value": value, "low": limit["low"], "high": limit["high"]}
-        for name, limit in limits.items()
-        for session, value in columns[name].items()
-        # The fit's error has no lower limit.
-        if value > limit["high"] or (value < limit["low"] and name != "error")
-    ]
+def _beyond(columns: dict[str, dict[str, float]], limits: dict[str, JsonDict], own: dict[str, dict[str, float]]) -> list[JsonDict]:
+    """Values outside the limits, which are wider for a value that is known less well."""
+    found = []
+    for name, limit in limits.items():
+        half = 0.5 * np.log(limit["high"] / limit["low"])
+        for session, value in columns[name].items():
+            # The spread of the golden motors together with the value's own uncertainty, as often as the limits contain that spread.
+            farther = float(np.hypot(half, limit["factor"] * own[session][name]) - half)
+            # The fit's error has no lower limit.
+            if value > limit["high"] * np.exp(farther) or (value < limit["low"] * np.exp(-farther) and name != "error"):
+                found.append({"session": session, "parameter": name, "value": value, "low": limit["low"], "high": limit["high"]})
+    return found
 
 
 def _seconds(time: str) -> float:

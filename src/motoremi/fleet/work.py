@@ -136,6 +136,7 @@ def _figures(fitted: Fit) -> JsonDict:
             for name, value in fitted.parameters.items()
             if fitted.determined(name)
         },
+        "undetermined": fitted.undetermined(),
     }
 
 

@@ -8,7 +8,7 @@ from motoremi.arrays import JsonDict
 from motoremi.data.calibration import calibration_doubt
 from motoremi.data.declaration import is_compensated
 from motoremi.data.origin import measured_on
-from motoremi.data.session import Session
+from motoremi.data.session import Session, is_up_to_date
 from motoremi.data.state import marks_of, states_of
 from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
@@ -85,12 +85,12 @@ def _of_the_import(session: Session) -> list[str]:
     items = measured_items(session)
     undated = list(dict.fromkeys(str(item.metadata.get("source", "-")) for item in items if not measured_on(item.metadata)))
     if undated:
-        what = "the files do" if len(undated) == len(files) else f"{', '.join(undated)}: the header does"
+        what = "the files do" if len(undated) == len(set(files)) else f"{', '.join(undated)}: the header does"
         found.append(f"{what} not say when the data were measured")
     assumed = [name for key, name in (("detector_assumed", "detector"), ("rbw_assumed", "bandwidth")) if any(i.metadata.get(key) for i in items)]
     if assumed:
         found.append(f"the files do not state {' and '.join(assumed)} of the spectra: the usual ones are assumed")
-    changed = {str(change) for item in (*session.sweeps, *session.spectra) for change in item.metadata.get("changes") or ()}
+    changed = {str(change) for item in items for change in item.metadata.get("changes") or ()}
     return found + [f"changed on import: {change}" for change in sorted(changed)]
 
 
@@ -131,6 +131,8 @@ def _of_the_analysis(materials: Materials) -> list[str]:
     ]
     if materials.diagnosis is None:
         found += ["no diagnosis was made"] if session.sweeps and "diagnosis" not in materials.unreadable else []
+    elif materials.diagnosis == session.analysis("diagnosis") and not is_up_to_date(session):
+        found.append("sweeps or values were added after the diagnosis, which is shown as it was: diagnose again")
     elif steps and not _diagnosed(steps, materials.diagnosis):
         found.append("the diagnosis was made from another fit than those shown here: diagnose again")
     if not session.spectra:

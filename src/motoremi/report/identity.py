@@ -45,13 +45,37 @@ def report_facts(materials: Materials) -> tuple[tuple[str, str], ...]:
 
 
 def imported_files(session: Session) -> tuple[str, ...]:
-    """Names of the files that a session was imported from; none for a run."""
-    return tuple(map(str, session.start.get("imported") or ()))
+    """Names of the files that a session was imported from, with those of the sweeps that were added later; none for a run."""
+    files = tuple(map(str, session.start.get("imported") or ()))
+    if not files:
+        return ()
+    measured, later = iter(_measured(session)), []
+    added = False
+    for document in session.documents:
+        added = added or document["kind"] == "reopen"
+        if document["kind"] in MEASURED:
+            _, item = next(measured)
+            # What was measured on a bench after the import has no file.
+            if added and "source" in item.metadata:
+                later.append(str(item.metadata["source"]))
+    return (*files, *later)
 
 
 def measured_items(session: Session) -> tuple[ImpedanceSweep | Spectrum, ...]:
-    """All measured sweeps and spectra."""
-    return (*session.sweeps, *session.spectra, *session.finals)
+    """All measured sweeps and spectra, also those under a condition."""
+    return (*session.sweeps, *session.conditioned, *session.spectra, *session.finals)
+
+
+def _measured(session: Session) -> list[tuple[JsonDict, ImpedanceSweep | Spectrum]]:
+    """Each document of a measured file with what the file holds."""
+    sources: dict[str, Iterator[ImpedanceSweep | Spectrum]] = {
+        "sweep": iter(session.sweeps),
+        "sweep under a condition": iter(session.conditioned),
+        "spectrum": iter(session.spectra),
+        "final": iter(session.finals),
+    }
+    measured = [d for d in session.documents if d["kind"] in MEASURED]
+    return [(d, next(sources["sweep under a condition" if "condition" in d and d["kind"] == "sweep" else d["kind"]])) for d in measured]
 
 
 def measured_when(session: Session) -> str:
@@ -98,16 +122,7 @@ def identity_section(session: Session, session_sha256: str) -> Section:
     )
     if settings:
         tables.append(Table("Settings of the instruments", ("role", "resource", "firmware", "settings"), tuple(settings)))
-    measured = [d for d in session.documents if d["kind"] in MEASURED]
-    sources: dict[str, Iterator[ImpedanceSweep | Spectrum]] = {
-        "sweep": iter(session.sweeps),
-        "sweep under a condition": iter(session.conditioned),
-        "spectrum": iter(session.spectra),
-        "final": iter(session.finals),
-    }
-    files = tuple(
-        _file(d, next(sources["sweep under a condition" if "condition" in d and d["kind"] == "sweep" else d["kind"]]), session) for d in measured
-    )
+    files = tuple(_file(document, item, session) for document, item in _measured(session))
     if files:
         columns = ("file", "came from" if imported_files(session) else "measured (UTC)", "points", "SHA-256")
         tables.append(Table("Measured files", columns, files))

@@ -72,6 +72,17 @@ class SessionComparison:
         """Change of |Z| against the first."""
         return _band_table(self.data["bands"]) if self.data["bands"] else None
 
+    def without_common(self) -> tuple[str, ...]:
+        """A sentence for each sweep of another session that the first has too, but at no common frequencies."""
+        one = self.sweeps[self.first]
+        return tuple(
+            f"{name}: no common frequencies of its {termination} sweep ({show_band(*_span(own[termination]))}) and that of {self.first} "
+            f"({show_band(*_span(one[termination]))}): the change of |Z| is not known."
+            for name, own in self.sweeps.items()
+            for termination in own
+            if name != self.first and termination in one and termination not in self.changes[name]
+        )
+
     def parameters(self) -> Section | None:
         """Values with their error bars, and the differences to the first."""
         return _parameter_section(self.materials, self.data["parameters"]) if self.data["parameters"] else None
@@ -117,6 +128,10 @@ def _render_csv(report: Report) -> str:
 
 def _sweeps(materials: Materials) -> dict[str, RepeatedSweep]:
     return {sweep.termination: sweep for sweep in _measurement(materials).sweeps} if materials.session.sweeps else {}
+
+
+def _span(sweep: RepeatedSweep) -> tuple[float, float]:
+    return float(sweep.frequency_hz[0]), float(sweep.frequency_hz[-1])
 
 
 def _measurement(materials: Materials) -> Measurement:
@@ -237,7 +252,7 @@ def _sections(together: SessionComparison) -> Iterator[Section]:
         drawn = picture("overlay", sweeps_overlay({n: s for n, s in together.sweeps.items() if s}, together.changes), caption)
         text = "The band is the expanded uncertainty of both sweeps; errors of one analyser partly cancel, so a change inside it may still be real."
         bands = together.bands()
-        yield Section("Sweeps", (text,), (bands,) if bands else (), (drawn,))
+        yield Section("Sweeps", (text, *together.without_common()), (bands,) if bands else (), (drawn,))
     if parameters := together.parameters():
         yield parameters
     if any(together.running.values()):

@@ -7,7 +7,7 @@ from typing import Any
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.conditions import CONDITIONS, VALUES, parse_condition, parse_value
-from motoremi.data.session import Session
+from motoremi.data.session import Session, is_up_to_date
 from motoremi.errors import BadInput
 from motoremi.interrupts import Cancelled
 from motoremi.investigation.menu import MENU
@@ -17,7 +17,7 @@ from motoremi.workbench.desk import Desk
 from motoremi.workbench.tray import Tray
 from motoremi.workbench.views import readable
 from motoremi.workflow import diagnose_session
-from motoremi.workflow_ask import chosen, is_up_to_date, refuse_unknown
+from motoremi.workflow_ask import chosen, refuse_unknown
 from motoremi.workflow_import import ImportOptions, addition
 from motoremi.workflow_investigate import ENDS, taught_bits
 
