@@ -144,7 +144,7 @@ def investigate_on_bench(
             "investigate", procedure=procedure.source, connections=connections,
             budget_minutes=plan.budget_minutes, odds=plan.odds, without=list(without),
         )  # fmt: skip
-        bench = _MeasuringBench(made, operator)
+        bench = OperatedBench(made, operator)
         requests = RequestedMeasurements(procedure, made, writer, bench.prompt, bench.set_up, tick, connections)
         bench.requests = requests
         try:
@@ -167,7 +167,7 @@ def _uncorrected(session: Session) -> tuple[str, ...]:
 
 
 @dataclass
-class _MeasuringBench:
+class OperatedBench:
     """The bench of an investigation: instruments and operator."""
 
     made: Bench

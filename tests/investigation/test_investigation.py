@@ -394,10 +394,10 @@ def test_a_value_whose_unit_has_a_wrong_prefix_decides_nothing() -> None:
 
 
 def test_no_measurement_refutes_an_effect_by_more_than_is_stated() -> None:
-    from motoremi.investigation.rivals import DOUBT, _doubted
+    from motoremi.investigation.rivals import DOUBT, with_doubt
 
     members = tuple(replace(one, log_weight=weight) for one, weight in zip(rivals().members, (0.0, -6.0, -4.0), strict=True))
-    first, second, _ = _doubted(replace(rivals(), members=members), [-100.0, 0.0, -50.0])
+    first, second, _ = with_doubt(replace(rivals(), members=members), [-100.0, 0.0, -50.0])
     assert second - first == pytest.approx(np.log(1 / DOUBT), abs=0.03)
 
 

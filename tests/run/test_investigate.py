@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from fault_matrix import SEED, measured, small
 from motoremi.arrays import JsonDict
 from motoremi.cli import main
 from motoremi.cli.investigate import typed_value
-from motoremi.data.conditions import SingleValue, parse_value
+from motoremi.data.conditions import SingleValue, parse_condition, parse_value
 from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
@@ -31,6 +32,7 @@ from motoremi.schema.procedure import Procedure, parse_procedure
 from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.workflow_ask import chosen
 from motoremi.workflow_investigate import Assess, Assessment, Investigation, investigate, order_of, taught_bits
+from motoremi.workflow_on_bench import OperatedBench
 
 WARM: JsonDict = {
     "id": "second-temperature", "minutes": 25.0, "why": "insulation answers",
@@ -262,6 +264,31 @@ def test_more_of_the_motor_as_it_is_are_repeats(tmp_path: Path) -> None:
     stored = session.analysis("investigation")
     assert stored is not None
     assert [step["asked"] for step in stored["steps"]] == ["dc-resistance", "repeats"]
+
+
+def test_sweeps_that_were_imported_between_two_runs_answer_no_other_request(tmp_path: Path) -> None:
+    begun(tmp_path / "s")
+    found, _ = gone_through(tmp_path / "s", stop_at=lambda document: document["kind"] == "asked")
+    assert found is None
+    stored = load(tmp_path / "s").sweeps
+    with reopen(tmp_path / "s") as writer:
+        for termination in ("short", "open"):
+            sweep = next(one for one in stored if one.termination == termination)
+            writer.add_sweep(sweep.under(parse_condition("known-capacitor=100pF")))
+    found, hands = gone_through(tmp_path / "s")
+    assert found is not None
+    assert hands.told[0] == "warm the motor (stored as second-temperature=53degC)"
+    assert [sweep.termination for sweep in at(load(tmp_path / "s"), "second-temperature")] == ["short", "open"]
+
+
+def test_what_an_earlier_run_measured_keeps_its_estimated_minutes() -> None:
+    """The clock of a real bench counts from what this run measures; from nothing it would count from the start of the computer."""
+    order = MeasurementRequest("dc-resistance", "measure it", terminations=())
+    read = SimpleNamespace(value=lambda order: parse_value("dc-resistance=1ohm+-1mohm"))
+    bench = OperatedBench(SimpleNamespace(), read)  # type: ignore[arg-type]
+    assert bench.minutes(7.0) == 7.0
+    bench.value(order)
+    assert bench.minutes(7.0) < 1.0
 
 
 def test_a_laboratory_s_own_measurement_is_requested_as_the_one_that_it_stands_for() -> None:

@@ -250,7 +250,7 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
                 found = _weighed(rival, used, rivals, again) if used else Weighed(0.0, rival.known)
                 log[left_out] = found.log_likelihood + instead + len(used) * right
                 known[left_out] = found.known
-    doubted = _doubted(rivals, [float(logsumexp(list(log.values()))) for log in logs])
+    doubted = with_doubt(rivals, [float(logsumexp(list(log.values()))) for log in logs])
     members = []
     shares: dict[Key, float] = {}
     total = float(logsumexp([rival.log_weight + value for rival, log in zip(rivals.members, logs, strict=True) for value in log.values()]))
@@ -268,7 +268,7 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
     return _with(rivals, members, condition, noticed)
 
 
-def _doubted(rivals: Rivals, logs: Sequence[float]) -> list[float]:
+def with_doubt(rivals: Rivals, logs: Sequence[float]) -> list[float]:
     """Log likelihoods if each rival may be right and its response wrong.
 
     The outcome is then as likely as with the effect of the catalogue that predicts it best, so that no measurement changes the odds of two of these
@@ -353,7 +353,7 @@ def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
     total = float(logsumexp([rival.log_weight + log for rival, log in zip(rivals.members, logs, strict=True)]))
     members = [
         dataclasses.replace(rival, log_weight=rival.log_weight + factor, known=own)
-        for rival, factor, own in zip(rivals.members, _doubted(rivals, logs), known, strict=True)
+        for rival, factor, own in zip(rivals.members, with_doubt(rivals, logs), known, strict=True)
     ]
     noticed: tuple[Mistake, ...] = ()
     if float(np.exp(logsumexp(read) - total)) < 0.5:
