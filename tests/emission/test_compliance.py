@@ -124,6 +124,12 @@ def test_a_missing_detector_is_the_reason():
     assert verdict([flat("average", 30)]) == Compliance("marginal", ("quasi-peak: not measured",))
 
 
+@pytest.mark.parametrize("detector", ["peak", "quasi-peak"])
+def test_a_scan_outside_of_the_limit_shows_nothing(detector):
+    found = verdict([flat(detector, 0, AXIS + 40e6)])
+    assert found == Compliance("marginal", ("quasi-peak: not measured", "average: not measured"))
+
+
 def test_a_maximum_above_the_limit_without_a_final_value_is_not_shown_to_comply():
     peaks = with_level(with_level(flat("peak", 30), 70, 1.2749e6, 1.2751e6), 70, 2.998e6, 2.9986e6)
     spectra = [peaks, flat("average", 20)]

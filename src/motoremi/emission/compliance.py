@@ -86,11 +86,11 @@ def _on_line(
         return "fail", f"{worst.detector}: {worst.why}"
     exact = [spectrum for spectrum in spectra if line_for(limit, spectrum.detector) is line]
     higher = [spectrum for spectrum in spectra if ORDER.index(spectrum.detector) < ORDER.index(line.detector) and spectrum not in exact]
-    if not exact and not higher:
+    limited = [(low, high) for low, high, _, _ in line.segments]
+    missing = _without(limited, [span for one in (*exact, *higher) for span in _around(one, np.ones(len(one), dtype=np.bool_))])
+    measured = _without(limited, missing)
+    if not measured:
         return None, f"{line.detector}: not measured"
-    everywhere = [span for one in (*exact, *higher) for span in _around(one, np.ones(len(one), dtype=np.bool_))]
-    missing = _without([(low, high) for low, high, _, _ in line.segments], everywhere)
-    measured = _without([(low, high) for low, high, _, _ in line.segments], missing)
     final = [spectrum for spectrum in finals if line_for(limit, spectrum.detector) is line]
     left = _not_valid([*exact, *higher], line, measured)
     if not left:
