@@ -22,6 +22,7 @@ from motoremi.data.sweep import ImpedanceSweep, checked_accuracy
 from motoremi.emission.limit import find_limit
 from motoremi.emission.observe import observations
 from motoremi.errors import BadInput
+from motoremi.investigation.conditioned import without_use
 from motoremi.quantities import parse_band, percent
 from motoremi.workflow_emission import judged
 
@@ -194,7 +195,7 @@ def addition(
     corrected = [session.corrections.corrected_sweep(sweep) for sweep in own]
     everything = (*session.corrected_sweeps, *session.corrected_conditioned, *corrected)
     measurement = Measurement.of(everything, values=(*session.values, *values))
-    caveats = (*measurement.copies(), *_disagreeing(measurement, own), *_unlike_stored(before, corrected))
+    caveats = (*measurement.copies(), *_disagreeing(measurement, own), *_unlike_stored(before, corrected), *_without_use(measurement, own))
     return Addition(tuple(own), tuple(values), caveats, bool(session.ladder) and not _same_repeats(before, measurement))
 
 
@@ -247,6 +248,16 @@ def _same_repeats(before: Measurement, after: Measurement) -> bool:
 DISAGREEING = 0.02
 # Random noise alone must not be taken for a difference: its median over many points is below so many times what is expected at a point.
 OF_NOISE = 3.0
+
+
+def _without_use(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> list[str]:
+    """A sentence for each new sweep under a condition that the diagnosis cannot use."""
+    added = {(sweep.condition, sweep.termination) for sweep in new}
+    return [
+        f"{one.condition}: the {one.sweep.termination} sweep is stored, but a diagnosis does not use it: {why}"
+        for one, why in without_use(measurement)
+        if (one.condition, one.sweep.termination) in added
+    ]
 
 
 def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> list[str]:

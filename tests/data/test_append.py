@@ -212,3 +212,17 @@ def test_a_copy_keeps_the_ladder_and_a_repeat_says_that_it_is_emptied(with_ladde
     again = f"motoremi fit {session}, then motoremi add {session} EFFECT"
     assert told[-1] == f"note: the models of the ladder were fitted without these sweeps and are removed; fit them again: {again}"
     assert load(session).ladder == []
+
+
+def test_sweeps_under_a_condition_that_a_diagnosis_cannot_use_are_told(tmp_path: Path) -> None:
+    session = made(tmp_path)
+    sweep = winding("short")
+    beyond = ImpedanceSweep("short", FREQUENCY_HZ * 200.5, sweep.impedance_ohm)
+    (told,) = notes(appended(session, *written(tmp_path, "warm", beyond), "--condition", "second-temperature=53degC"))
+    assert told == (
+        "note: second-temperature=53degC: the short sweep is stored, but a diagnosis does not use it: it has less than two usable points at the "
+        "frequencies of the short sweep of the motor as it is"
+    )
+    (told,) = notes(appended(session, *written(tmp_path, "lifted", sweep), "--condition", "brushes-lifted"))
+    assert told.endswith("a diagnosis does not use it: how the effects respond to it is not known")
+    assert notes(appended(session, *written(tmp_path, "hot", *both(warmer_kelvin=30)), "--condition", "second-temperature=54degC")) == []

@@ -36,6 +36,20 @@ def by_condition(measurement: Measurement) -> list[tuple[Option, list[Observed]]
     return found
 
 
+def without_use(measurement: Measurement) -> list[tuple[Conditioned, str]]:
+    """Sweeps under conditions that tell nothing about the explanations, each with the reason."""
+    found = []
+    for one in measurement.conditioned:
+        option, termination = BY_NAME.get(one.condition.id), one.sweep.termination
+        if option is None or not option.predicted:
+            found.append((one, "how the effects respond to it is not known"))
+        elif _reference(measurement, termination) is None:
+            found.append((one, f"the session has no {termination} sweep of the motor as it is to compare it with"))
+        elif _observed(one, option, measurement) is None:
+            found.append((one, f"it has less than two usable points at the frequencies of the {termination} sweep of the motor as it is"))
+    return found
+
+
 def _observed(one: Conditioned, option: Option, measurement: Measurement) -> Observed | None:
     """A sweep as it is used; None without a reference sweep to compare with, or if it is only noise."""
     sweep, reference = one.sweep, _reference(measurement, one.sweep.termination)
