@@ -309,7 +309,8 @@ def hostile(folder: Path, attack: str) -> Path:
     with opened(folder) as store:
         told = predict_session(store).to_dict()
         told["remarks"], told["judged_what"], told["predicted_dbuv"][attack] = [attack], attack, told["predicted_dbuv"]["peak"]
-        told["limit"]["title"] = told["judged"][0]["why"] = attack
+        told["limit"]["title"] = told["judged"][0]["why"] = told["judged"][0]["conductor"] = attack
+        told["reasons"] = [attack]
         store.save_analysis("prediction", told)
     return folder
 

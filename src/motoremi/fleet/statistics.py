@@ -37,6 +37,12 @@ class _Row:
     sigma: dict[str, float]
 
 
+def _relative_sigma(entry: JsonDict, value: float) -> float:
+    """Standard deviation of a value relative to it; zero if none is stored."""
+    sigma = entry.get("sigma")
+    return abs(float(sigma) / value) if sigma is not None and np.isfinite(sigma) and value else 0.0
+
+
 def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict:
     """The fleet's figures.
 
@@ -80,7 +86,7 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         for name in best.get("undetermined", ()):
             undetermined[name].append(result["session"])
         values = {name: float(entry["value"]) for name, entry in best["parameters"].items() if entry["value"] > 0}
-        sigma = {name: float(best["parameters"][name]["sigma"]) / value for name, value in values.items()}
+        sigma = {name: _relative_sigma(best["parameters"][name], value) for name, value in values.items()}
         figures = {**values, "error": best["rms_error_percent"]}
         rows.append(_Row(result["session"], _seconds(result["time"]), _number(result["serial"]), figures, {**sigma, "error": 0.0}))
     units["error"] = "%"

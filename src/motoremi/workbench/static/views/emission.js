@@ -51,11 +51,13 @@ function limits(prediction, detector) {
 }
 
 function verdict(prediction) {
-  const { judged = [], error_bands: bands = [], remarks = [] } = prediction;
+  const { judged = [], reasons = [], error_bands: bands = [], remarks = [] } = prediction;
+  const levels = (one) => [one.detector, one.conductor && `line ${one.conductor}`, one.operating].filter(Boolean).join(", ");
   return card("Verdict",
     h("p", { id: "limit-verdict", class: prediction.verdict === "pass" ? "large good" : "large bad" }, String(prediction.verdict).toUpperCase()),
     h("p", {}, `The ${prediction.judged_what ?? "measured"} levels, judged against ${prediction.limit?.title ?? "the limit"}.`),
-    judged.map((one) => h("p", {}, `${one.detector}: ${one.verdict ?? "no verdict"}, ${one.why}`)),
+    reasons.map((text) => h("p", { class: "reason" }, text)),
+    judged.map((one) => h("p", {}, `${levels(one)}: ${one.verdict ?? "no verdict"}, ${one.why}`)),
     bands.length > 0 && table(["detector", "band", "measured minus predicted, mean", "rms"], bands.map((one) => [one.detector, band(...one.band_hz), show(one.mean_error_db, "dB", 3), show(one.rms_error_db, "dB", 3)])),
     remarks.map((text) => h("p", { class: "note" }, text)));
 }
