@@ -15,7 +15,7 @@ from motoremi.data.corrections import Corrections
 from motoremi.data.session import Session, load
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.background import ambient_of, split
-from motoremi.emission.band import band_of
+from motoremi.emission.band import BANDS, band_of
 from motoremi.emission.diagnose import EmissionDiagnosis, add_effect, diagnose_emission, fit_base
 from motoremi.emission.finals import Rules, choose_maxima
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB
@@ -203,11 +203,7 @@ def judged(store: Store, limit: str, uncertainty: float = EXPANDED_UNCERTAINTY_D
 
 def _has_band(spectrum: Spectrum) -> bool:
     """Whether the receiver's model has the bandwidth of a spectrum."""
-    try:
-        band_of(spectrum.resolution_bandwidth_hz)
-    except BadInput:
-        return False
-    return True
+    return any(band.accepts(spectrum.resolution_bandwidth_hz) for band in BANDS)
 
 
 def diagnose_emission_session(store: Store, from_base: bool = False, progress: Progress | None = None) -> EmissionDiagnosis:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from motoremi.data.corrections import NO_CORRECTIONS, Corrections
 from motoremi.data.declaration import COMPENSATED, refuse_impossible
 from motoremi.data.import_notes import import_notes
 from motoremi.data.measurement import Measurement
-from motoremi.data.session import Session, SessionWriter, load, reopen
+from motoremi.data.session import Session, SessionWriter, load, refuse_unfinished, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep, checked_accuracy
 from motoremi.emission.limit import find_limit
@@ -179,9 +178,9 @@ def addition(
     session = load(folder)
     if not session.sweeps:
         raise BadInput(f"{folder.name} holds no impedance sweep of the motor as it is: append to a session that does")
-    if "procedure" in session.start and session.status != "done":
+    if "procedure" in session.start:
         # A resumed run would take them for its own.
-        raise BadInput(f"{folder.name}: its measurement was interrupted; finish it first: motoremi run --resume {shlex.quote(str(folder))}")
+        refuse_unfinished(session)
     if options.analyser is not None and not sweeps:
         raise BadInput("--analyser is for impedance sweeps: leave it out, or give --short FILE..., --open FILE... with it")
     own = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Protocol
 from motoremi.arrays import JsonDict, Progress
 from motoremi.bench.connect import Bench
 from motoremi.data.conditions import SingleValue
-from motoremi.data.session import Session, SessionWriter, load
+from motoremi.data.session import Session, SessionWriter, load, refuse_unfinished
 from motoremi.errors import BadInput
 from motoremi.run.answer import Answer
 from motoremi.run.calibration_check import refuse_unless_calibrated
@@ -79,8 +78,7 @@ def bench_for(session: Session, bench_file: BenchFile) -> BenchFile:
         If the session holds no finished impedance measurement, or was made on another simulated bench.
     """
     name = session.path.name
-    if session.status != "done":
-        raise BadInput(f"{name}: its measurement was interrupted; finish it first: motoremi run --resume {shlex.quote(str(session.path))}")
+    refuse_unfinished(session)
     if not session.sweeps:
         raise BadInput(f"{name} holds no impedance sweep: measure or import one first")
     if bench_file.backend != "sim":

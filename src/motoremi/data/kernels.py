@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.threads import one_blas_thread
 
 # (share of the variance, correlation length in decades) of each process.
@@ -76,6 +76,17 @@ def logarithm(impedance_ohm: ComplexArray) -> ComplexArray:
 def interpolated(frequency_hz: FloatArray, impedance_ohm: ComplexArray, wanted_hz: FloatArray) -> ComplexArray:
     """A sweep at other frequencies: ln Z is straight over ln f between its points."""
     return np.exp(np.interp(np.log(wanted_hz), np.log(frequency_hz), logarithm(impedance_ohm)))
+
+
+def steps_beside(frequency_hz: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distance of each point from the one before and from the one after it; of an end point from its only neighbour, twice."""
+    steps = np.diff(frequency_hz)
+    return np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])
+
+
+def nearest_points(frequency_hz: FloatArray, wanted_hz: FloatArray) -> IntArray:
+    """Index of the nearest of rising frequencies to each wanted one."""
+    return np.searchsorted((frequency_hz[1:] + frequency_hz[:-1]) / 2, wanted_hz)
 
 
 def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -34,7 +35,7 @@ from motoremi.errors import BadInput
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Session", "SessionWriter", "StorageError", "is_up_to_date", "load", "reopen", "verify"]
+__all__ = ["Session", "SessionWriter", "StorageError", "is_up_to_date", "load", "refuse_unfinished", "reopen", "verify"]
 # Number of parsed files that are cached, because the workbench loads a session again after every change.
 KEPT = 32
 
@@ -317,6 +318,19 @@ def run_status(documents: Sequence[JsonDict]) -> str:
         elif document["kind"] == "reopen":
             is_addition = True
     return status
+
+
+def refuse_unfinished(session: Session) -> None:
+    """Refuse a session whose measurement did not come to its end.
+
+    Raises
+    ------
+    BadInput
+        With the command that finishes it.
+    """
+    if session.status != "done":
+        again = f"motoremi run --resume {shlex.quote(str(session.path))}"
+        raise BadInput(f"{session.path.name}: its measurement was interrupted; finish it first: {again}")
 
 
 def is_up_to_date(session: Session) -> bool:

@@ -35,6 +35,10 @@ class Band:
     meter_s: float
     rms_corner_hz: float
 
+    def accepts(self, resolution_bandwidth_hz: float) -> bool:
+        """Whether a bandwidth is that of this band, within its tolerance."""
+        return abs(resolution_bandwidth_hz / self.bandwidth_hz - 1) <= BANDWIDTH_TOLERANCE
+
     @property
     def sigma_hz(self) -> float:
         """Standard deviation of the Gaussian filter that approximates the intermediate-frequency filter."""
@@ -84,7 +88,7 @@ def band_of(resolution_bandwidth_hz: float) -> Band:
         If no band has that bandwidth.
     """
     for band in BANDS:
-        if abs(resolution_bandwidth_hz / band.bandwidth_hz - 1) <= BANDWIDTH_TOLERANCE:
+        if band.accepts(resolution_bandwidth_hz):
             return band
     known = ", ".join(f"{band.bandwidth_hz:g} Hz (band {band.name})" for band in BANDS)
     raise BadInput(f"a resolution bandwidth of {resolution_bandwidth_hz:g} Hz belongs to no known band: {known}")
@@ -103,8 +107,7 @@ def misread(frequency_hz: FloatArray, resolution_bandwidth_hz: float, low: bool)
     wrong, right = np.zeros((2, *frequency_hz.shape), dtype=np.bool_)
     for band in BANDS:
         inside = (frequency_hz >= band.span_hz[0]) & (frequency_hz <= band.span_hz[1])
-        ratio = resolution_bandwidth_hz / band.bandwidth_hz
-        if ratio < 1 - BANDWIDTH_TOLERANCE if low else ratio > 1 + BANDWIDTH_TOLERANCE:
+        if not band.accepts(resolution_bandwidth_hz) and (resolution_bandwidth_hz < band.bandwidth_hz) == low:
             wrong |= inside
         else:
             right |= inside

@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray
+from motoremi.data.kernels import steps_beside
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import misread
 from motoremi.emission.finals import Rules, tops
@@ -159,12 +160,11 @@ def _below(spectrum: Spectrum, line: LimitLine, guard_db: float) -> BoolArray:
 def _around(spectrum: Spectrum, usable: BoolArray) -> list[Span]:
     """Spans around the usable points of a spectrum; each reaches half way to its neighbours."""
     frequency = spectrum.frequency_hz
-    steps = np.diff(frequency)
-    before, after = np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])
+    before, after = steps_beside(frequency)
     widest: FloatArray = GAP * np.maximum(np.minimum(before, after), spectrum.resolution_bandwidth_hz)
     # At the ends a whole step: a scan ends at the last multiple of its step.
     reach = np.array([before, after]) / 2
-    reach[0, 0], reach[1, -1] = steps[0], steps[-1]
+    reach[0, 0], reach[1, -1] = before[0], after[-1]
     reach = np.where(np.array([before, after]) > widest, np.minimum(before, after), reach)
     low, high = (frequency - reach[0])[usable], (frequency + reach[1])[usable]
     return list(zip(low.tolist(), high.tolist(), strict=True))
@@ -173,9 +173,10 @@ def _around(spectrum: Spectrum, usable: BoolArray) -> list[Span]:
 def _without(segments: Sequence[Span], spans: Sequence[Span]) -> list[Span]:
     """What of the segments no span covers."""
     left: list[Span] = []
+    ordered = sorted(spans)
     for low, high in segments:
         at = low
-        for begin, end in sorted(spans):
+        for begin, end in ordered:
             if begin > at * (1 + 1e-9) and at < high:
                 left.append((at, min(begin, high)))
             at = max(at, end)

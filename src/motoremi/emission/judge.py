@@ -64,7 +64,7 @@ class Judged:
     @property
     def what(self) -> str:
         """The levels in words: detector, line of the LISN, operating state."""
-        return ", ".join(text for text in (self.detector, where_in_words(self.conductor, self.operating)) if text)
+        return levels_in_words(self.detector, self.conductor, self.operating)
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
@@ -74,6 +74,11 @@ class Judged:
 def where_in_words(conductor: str, operating: str) -> str:
     """Line of the LISN and operating state as text; empty if neither is stated."""
     return ", ".join(text for text in (f"line {conductor}" if conductor else "", operating) if text)
+
+
+def levels_in_words(detector: str, conductor: str, operating: str) -> str:
+    """Levels as text: detector, line of the LISN, operating state."""
+    return ", ".join(text for text in (detector, where_in_words(conductor, operating)) if text)
 
 
 def line_for(limit: Limit, detector: str) -> LimitLine | None:

@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import band_of
-from motoremi.emission.judge import place_of, where_in_words
+from motoremi.emission.judge import levels_in_words, place_of
 from motoremi.errors import BadInput
 from motoremi.quantities import show
 
@@ -146,8 +146,7 @@ def observations(spectra: Sequence[Spectrum]) -> list[JsonDict]:
 def unsuitable(spectrum: Spectrum) -> list[JsonDict]:
     """What of a scan's steps and readings is not as a comparison with a limit needs it."""
     found = []
-    what = where_in_words(*place_of(spectrum))
-    what = f"{spectrum.detector}, {what}" if what else spectrum.detector
+    what = levels_in_words(spectrum.detector, *place_of(spectrum))
     steps = np.diff(spectrum.frequency_hz)
     if spectrum.frequency_hz[0] < LOWEST_HZ:
         found.append({"id": "below-9-khz", "text": f"{what}: starts at {spectrum.frequency_hz[0]:g} Hz; no CISPR band begins below 9 kHz"})

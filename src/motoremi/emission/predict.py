@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
+from motoremi.data.kernels import nearest_points, steps_beside
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.drawing import figure_of
 from motoremi.emission.background import ambient_of, split
@@ -181,10 +182,8 @@ class Prediction:
 def _nearest_level(spectrum: Spectrum, frequency_hz: FloatArray) -> FloatArray:
     """Level of the nearest point; NaN where that is more than half a step away."""
     own = spectrum.frequency_hz
-    middles = (own[1:] + own[:-1]) / 2
-    nearest = np.searchsorted(middles, frequency_hz)
-    steps = np.diff(own)
-    reach = np.maximum(np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])) / 2
+    nearest = nearest_points(own, frequency_hz)
+    reach = np.maximum(*steps_beside(own)) / 2
     near = np.abs(own[nearest] - frequency_hz) <= reach[nearest]
     return np.where(near, spectrum.level_dbuv[nearest], np.nan)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.kernels import nearest_points, steps_beside
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import REMEMBERED, Ambient, LevelModel, MotorImpedance, Setup
@@ -155,9 +156,8 @@ def _level_at(spectrum: Spectrum, grid_hz: FloatArray) -> FloatArray:
     frequency = spectrum.frequency_hz[usable]
     if frequency.size < 2:
         return np.full(grid_hz.shape, np.nan)
-    steps = np.diff(spectrum.frequency_hz)
-    step = np.maximum(np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]]))[usable]
-    nearest = np.searchsorted((frequency[1:] + frequency[:-1]) / 2, grid_hz)
+    step = np.maximum(*steps_beside(spectrum.frequency_hz))[usable]
+    nearest = nearest_points(frequency, grid_hz)
     near = np.abs(frequency[nearest] - grid_hz) <= step[nearest]
     return np.where(near, np.interp(grid_hz, frequency, spectrum.level_dbuv[usable]), np.nan)
 

@@ -339,10 +339,11 @@ def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
     slip = float(np.log(SLIP) - np.log(np.log(setting.high / setting.low)))
     logs, known, read, prefixed = [], [], [], []
     for rival in rivals.members:
-        if not ValueOutcome(rival.fit, value).known:
+        prediction = ValueOutcome(rival.fit, value)
+        if not prediction.known:
             return rivals
         widths = OUTSIDE_VALUE if rival.outside else AS_READ
-        found = weigh(ValueOutcome(rival.fit, value), rival.known, widths)
+        found = weigh(prediction, rival.known, widths)
         own = found.log_likelihood + float(np.log(1 - 2 * SLIP))
         others = [weigh(ValueOutcome(rival.fit, _scaled(value, factor)), rival.known, widths).log_likelihood for factor in PREFIXES]
         prefix = float(logsumexp(others) + np.log(SLIP / len(PREFIXES)))

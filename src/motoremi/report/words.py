@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, TypeAlias
 
 from motoremi.arrays import JsonDict
-from motoremi.emission.judge import where_in_words
+from motoremi.emission.judge import levels_in_words
 from motoremi.fitting.result import Fit
 from motoremi.quantities import percent, percent_span, show_band
 
@@ -97,7 +97,7 @@ def reasons_of(diagnosis: JsonDict) -> list[str]:
 
 def levels_of(judged: JsonDict) -> str:
     """Detector, line of the LISN and operating state of judged levels; earlier versions stored the detector only."""
-    return ", ".join(text for text in (str(judged["detector"]), where_in_words(judged.get("conductor", ""), judged.get("operating", ""))) if text)
+    return levels_in_words(str(judged["detector"]), judged.get("conductor", ""), judged.get("operating", ""))
 
 
 def place_of(finding: JsonDict) -> str:
