@@ -47,6 +47,7 @@ class MadeBoard:
     finished: frozenset[frozenset[str]] = frozenset()
     overlooked: frozenset[frozenset[str]] = frozenset()
     otherwise: float = -100.0
+    much_is_left: bool = False
     calls: list[str] = field(default_factory=list)
 
     def model(self, added: Iterable[str], first_look: bool = False) -> Made:
@@ -87,6 +88,15 @@ def test_a_pair_is_found_though_neither_effect_does_anything_alone():
     assert key_of(best_of(found.values())) == ("d", "e")
     assert found[("d",)].score < 0 > found[("e",)].score
     assert [call for call in made.calls if call.startswith("sets")] == ["sets of 1", "sets of 2"]
+
+
+@pytest.mark.parametrize("much_is_left", [True, False])
+def test_pairs_are_tried_though_no_effect_gains_anything_if_the_base_errs_by_far(much_is_left):
+    made = dataclasses.replace(board({"": 0, "a": -5, "de": 200}, finished=("de",)), much_is_left=much_is_left)
+    found = made.explored()
+    assert key_of(best_of(found.values())) == (("d", "e") if much_is_left else ())
+    assert [call for call in made.calls if call.startswith("sets")] == ["sets of 1", "sets of 2"][: 1 + much_is_left]
+    assert not [call for call in made.calls if call.startswith("swap a")]
 
 
 def test_where_a_further_effect_gains_nothing_none_is_swapped():

@@ -228,7 +228,9 @@ def test_formula_text_equals_the_code(identifier):
         insulation, copper = text.removesuffix(" in the open-circuit sweep").split(" and ")
         expected = network(Ca=1 / (s * evaluate_formula(insulation, names)), Ra=evaluate_formula(copper, names))
     elif effect.name == "contact-resistance":
-        expected = base_z + start["resistance_ohm"]
+        in_open, in_short = text.split(" sweep, ")
+        assert in_short == "Z + short_ohm in the short-circuit sweep"
+        expected = evaluate_formula(in_open.removesuffix(" in the open-circuit"), {**names, "Z": base_z})
     elif effect.name == "range-step":
         step = evaluate_formula(text.removesuffix(" from frequency_hz upwards"), {**names, "Z": base_z})
         expected = np.where(frequency >= start["frequency_hz"], step, base_z)

@@ -2,8 +2,8 @@
 
 All sets of a size are compared (`Board.sets`). In the best of them one effect is then *swapped* for another, started from the
 solution so that a look-alike cannot lose by not converging; and one that was there before may be *dropped*. The search ends when everything is
-described, when a further effect gains nothing, or at the largest size. A `Board` supplies the models and their scores: of motors for
-sweeps (`motor_board`), of sources for spectra (`emission.board`).
+described, when a further effect gains nothing (pairs are tried nevertheless if the base errs by far), or at the largest size. A `Board`
+supplies the models and their scores: of motors for sweeps (`motor_board`), of sources for spectra (`emission.board`).
 """
 
 from __future__ import annotations
@@ -42,6 +42,10 @@ M = TypeVar("M", bound=Model)
 
 class Board(Protocol[M]):
     """The interface through which a search gets its models."""
+
+    @property
+    def much_is_left(self) -> bool:
+        """Whether the model with nothing added errs so much that two effects may describe together what neither does alone."""
 
     def sets(self, size: int, found: Mapping[Key, M], progress: Progress | None) -> Iterable[M]:
         """Models with this many effects, given those with fewer; only those near the best."""
@@ -104,10 +108,11 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
         before = best_of(found.values())
         own = part(progress, (size - 1) / budget.most_effects, size / budget.most_effects)
         _take(found, board.sets(size, found, part(own, 0.0, COMPARING)))
-        # If no further effect gains enough, swapping it cannot help.
-        if best_of(found.values()).score - before.score < budget.gain:
+        if best_of(found.values()).score - before.score >= budget.gain:
+            _swap(board, found, size, budget, part(own, COMPARING, 1.0))
+        elif size > 1 or not board.much_is_left:
+            # If no further effect gains enough, swapping it cannot help.
             break
-        _swap(board, found, size, budget, part(own, COMPARING, 1.0))
         best = best_of(found.values())
         if len(best.added) == size > 1:
             _take(found, (board.dropped(best, effect) for effect in best.added))

@@ -75,6 +75,11 @@ class SpectrumBoard:
         unknown = () if self._problem.repetition_known else ("commutation-jitter",)
         self._possible = [effect.name for effect in EFFECTS if effect.name not in (*base.effects, *unknown)]
 
+    @property
+    def much_is_left(self) -> bool:
+        """Never: a source or path that is missing shows by itself, since the powers of sources add."""
+        return False
+
     def start(self) -> Candidate:
         """The model with nothing added."""
         return self._weighed(self._base)

@@ -114,18 +114,6 @@ def line_shunt(s: ComplexArray, wave: Any, delay: Any) -> ValueAndSlopes:
     return wave * inverse, (inverse, -wave * inverse / delay)
 
 
-def positive_part(s: ComplexArray, resistance: Any) -> ValueAndSlopes:
-    """Z = R if R > 0, else 0."""
-    on = (resistance > 0) + 0j
-    return resistance * on, (on,)
-
-
-def negative_part(s: ComplexArray, resistance: Any) -> ValueAndSlopes:
-    """Z = -R if R < 0, else 0."""
-    on = (resistance < 0) + 0j
-    return -resistance * on, (-on,)
-
-
 def square_law_gain(s: ComplexArray, error: Any) -> ValueAndSlopes:
     """Load error of a fixture: 1 + e (f / 30 MHz)^2."""
     shape = -((s / (TWO_PI * 30e6)) ** 2)

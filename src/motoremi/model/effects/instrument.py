@@ -13,6 +13,9 @@ from motoremi.model.laws import Law
 from motoremi.model.motor import BOTH, Motor, OpenSweepFactor, Outwards, Terminations
 from motoremi.model.parameter import Parameter
 
+# Less than any contact: taken for none.
+NO_CONTACT_OHM = 1e-3
+
 
 def _wrapped(kind: type[Scaled] | type[Shunted] | type[ThroughCable], law: Law) -> Change:
     def change(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
@@ -31,7 +34,8 @@ def _short_residual(motor: Motor, place: str, parameters: Mapping[str, Parameter
 
 
 def _contact(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    return _series(_series(motor, laws.positive_part, parameters, ("open",)), laws.negative_part, parameters, ("short",))
+    in_open = _series(motor, laws.resistor, {"open_ohm": parameters["open_ohm"]}, ("open",))
+    return _series(in_open, laws.resistor, {"short_ohm": parameters["short_ohm"]}, ("short",))
 
 
 def _drift(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
@@ -122,29 +126,25 @@ EFFECTS = (
     Effect(
         name="contact-resistance",
         group="instrument",
-        title="contact resistance in one of the two sweeps",
-        formula="Z + resistance_ohm in the open-circuit sweep (negative: in the short-circuit sweep)",
-        parameters=(
-            Parameter(
-                "resistance_ohm",
-                "Ohm",
-                -10.0,
-                10.0,
-                "5 - 100 mOhm for clean clips, Ohms for dirty ones",
-                scale="linear",
-                sigma=1.0,
-            ),
+        title="contact resistance in one of the two sweeps, or in both",
+        formula="Z + open_ohm in the open-circuit sweep, Z + short_ohm in the short-circuit sweep",
+        parameters=tuple(
+            Parameter(name, "Ohm", NO_CONTACT_OHM, 30.0, "5 - 100 mOhm if clean, Ohms if dirty; 1 mOhm is none", special=NO_CONTACT_OHM)
+            for name in ("open_ohm", "short_ohm")
         ),
-        limit="resistance_ohm -> 0",
-        limit_values={"resistance_ohm": 0.0},
-        signature="offset of R in one sweep, seen where |Z| is low",
-        look_alikes=("brush-contact",),
+        limit="open_ohm, short_ohm -> 0",
+        limit_values={"open_ohm": 0.0, "short_ohm": 0.0},
+        signature="an offset of R, seen where |Z| is low",
+        look_alikes=("brush-contact", "lead-inductance", "short-residual"),
         deciding="clean the contacts and repeat both sweeps",
         source="resistance of a contact in series; the values are estimates without a source",
-        # One signed parameter for both sweeps: a contact resistance in both sweeps at once cannot be distinguished from that of the leads.
         change=_contact,
-        starts=({"resistance_ohm": 0.3}, {"resistance_ohm": -0.3}),
-        responds={"contacts-cleaned": {"resistance_ohm": 0.0}},
+        starts=(
+            {"open_ohm": 0.3, "short_ohm": NO_CONTACT_OHM},
+            {"open_ohm": NO_CONTACT_OHM, "short_ohm": 0.3},
+            {"open_ohm": 1.0, "short_ohm": 1.0},
+        ),
+        responds={"contacts-cleaned": {"open_ohm": 0.0, "short_ohm": 0.0}},
     ),
     Effect(
         name="range-step",

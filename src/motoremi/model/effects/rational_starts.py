@@ -11,9 +11,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model.effects.seen import LEAST_OHM, Seen, winding_of
-from motoremi.model.effects.start import Set, Start, Subtract
+from motoremi.model.effects.start import Set, Start
 from motoremi.model.path_to_frame import frames
 from motoremi.model.rational import Rational
 
@@ -33,25 +32,19 @@ LINES = frozenset({"machine-winding.slots_f", "distributed-winding.share"})
 # Winding sections: shares of the capacitance at the first resonance that are to the frame, part of the distributed capacitance that acts
 # there (a quarter wave), largest share of Cf, and couplings that are tried.
 SPREAD_PARTS, ACTING, MOST_SPREAD, COUPLINGS = (0.3, 0.6, 0.9), 0.4, 0.95, (0.02, 0.3, 0.6, 0.85)
-# Suppressor: its shares of the whole capacitance that are tried, and typical elements of the path to the frame of a small motor.
-SUPPRESSOR_SHARES = (0.6, 0.9, 0.99)
+# Typical elements of the path to the frame of a small motor.
 SMALL_FRAME = {"Rr": 40.0, "Lr": 2e-6, "Cr": 5e-10, "Cf": 5e-10}
-# Loss tangent of a good capacitor.
-LITTLE_LOSS = 0.002
 # Uniform line: fewest resonances, largest relative difference of their distances, points of the mean, and the turns' share of the capacitance.
 LINE_RESONANCES, LINE_UNEVEN, LINE_POINTS, LINE_TURNS = 4, 0.5, 400, 1e-3
-# Frame beside a capacitor: points of the open-circuit sweep that are used, fewest of them that must determine the frame, and largest ratio of the
-# subtracted to the remaining impedance at such a point.
-FRAME_POINTS, LEAST_POINTS, MOST_LOST = 80, 10, 30.0
-# Start values of a choke's minor elements: capacitance of its turns and resistance of its wire.
-CHOKE_REST = {"exponent": 0.95, "capacitance_f": 2e-12, "resistance_ohm": 0.02}
+# Points of the open-circuit sweep from which the path to the frame is read.
+FRAME_POINTS = 80
 # Start values of the minor parameters of a lead or a strap.
 CONDUCTOR_REST = {"resistance_ohm": 0.02, "skin_ohm": 0.01}
 # Nearly Debye's law; exactly at the end of its range the exponent could only be varied in one direction.
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
 
-def _from(rational: Rational | None, read: Callable[[Rational], dict[Any, float]]) -> list[dict[Any, float]]:
+def from_rational(rational: Rational | None, read: Callable[[Rational], dict[Any, float]]) -> list[dict[Any, float]]:
     """The start values that `read` finds in a rational fit, if all are positive and finite."""
     if rational is None:
         return []
@@ -62,29 +55,29 @@ def _from(rational: Rational | None, read: Callable[[Rational], dict[Any, float]
 
 def second_cell(seen: Seen) -> list[dict[Any, float]]:
     """A resonant cell in series with the winding."""
-    return _from(seen.resonating, _second_cell)
+    return from_rational(seen.resonating, _second_cell)
 
 
 def coupled_winding(seen: Seen) -> list[dict[Any, float]]:
     """A resonant winding coupled to La."""
-    return _from(seen.resonating, _coupled_winding)
+    return from_rational(seen.resonating, _coupled_winding)
 
 
 def relaxing_core(seen: Seen) -> list[dict[Any, float]]:
     """A share of La that relaxes with one time constant, or has a damped resonance."""
-    return _from(seen.relaxing, _relaxing_core) + _from(seen.resonating, _damped_core)
+    return from_rational(seen.relaxing, _relaxing_core) + from_rational(seen.resonating, _damped_core)
 
 
 def film(seen: Seen) -> list[dict[Any, float]]:
     """A film in series with Rr."""
-    return _from(seen.film, _film)
+    return from_rational(seen.film, _film)
 
 
 def leak(seen: Seen) -> list[dict[Any, float]]:
     """A leak beside Cr, which is the film without a Cr of its own, or beside Cf."""
     if seen.place == "Cr":
         return [_leak(start) for start in film(seen)]
-    return _from(seen.leaking_frame, _leak_to_frame) if seen.place == "Cf" else []
+    return from_rational(seen.leaking_frame, _leak_to_frame) if seen.place == "Cf" else []
 
 
 def relaxing_rotor(seen: Seen) -> list[dict[Any, float]]:
@@ -324,85 +317,12 @@ def winding_sections(seen: Seen) -> list[dict[Any, float]]:
     return starts
 
 
-def suppressor_capacitor(seen: Seen) -> list[dict[Any, float]]:
-    """Capacitor and winding from the short-circuit sweep, and the frame from the rest of the open-circuit sweep.
-
-    A fit without the capacitor attributes it to the frame, so all elements get new start values. In case noise or another effect hides a part
-    of that, further start values come from the capacitance at the low end of the open-circuit sweep and the dip of its impedance, with the
-    frame of a small motor.
-    """
-    read = _from(seen.resonating, _suppressed)
-    found = [{**start, **frame} for start in read for frame in _unsuppressed(seen, start)] + _shares(seen)
-    return [{**start, "tan_delta": LITTLE_LOSS} for start in found]
-
-
-def _fractions(numerator: FloatArray, denominator: FloatArray) -> tuple[float, float, float, complex, complex] | None:
-    """Partial fractions: the slope of the linear part, the real pole and one of the complex pair, each with its residue.
-
-    None if the function has other poles or no linear part.
-    """
-    straight, rest = np.polydiv(numerator, denominator)
-    poles = np.roots(denominator)
-    real, paired = poles[poles.imag == 0].real, poles[poles.imag > 0]
-    if real.size != 1 or paired.size != 1 or straight.size != 2:
-        return None
-    (of_real,), (of_pair,) = (np.polyval(rest, p) / np.polyval(np.polyder(denominator), p) for p in (real, paired))
-    return float(straight[0]), float(real[0]), float(of_real), complex(paired[0]), complex(of_pair)
-
-
-def _suppressed(short: Rational) -> dict[Any, float]:
-    """The winding and the parallel capacitor with its wires, from the partial fractions of their admittance."""
-    middle = short.middle
-    parts = _fractions(short.denominator[::-1], short.numerator[::-1])
-    if parts is None:
-        return {Set("La"): np.nan}
-    slope, real, by_winding, pair, by_capacitor = parts
-    inductance = 1 / (by_winding * middle)
-    esl = (pair / (2j * pair.imag * by_capacitor * middle)).real
-    capacitance = 1 / (esl * np.abs(pair * middle) ** 2)
-    return {
-        Set("Ra"): float(max(-real * middle * inductance, LEAST_OHM)),
-        Set("La"): float(inductance),
-        # The winding's own capacitance is very small beside it.
-        Set("Ca"): float(max(slope / middle, LEAST_SHARE * capacitance)),
-        "capacitance_f": float(capacitance),
-        "esr_ohm": float(max(-2 * pair.real * middle * esl, LEAST_OHM)),
-        "esl_h": float(esl),
-    }
-
-
-def _unsuppressed(seen: Seen, start: Start) -> list[dict[Any, float]]:
-    """The path to the frame from the open-circuit sweep without winding and capacitor; also that of a small motor, if little remains."""
-    if seen.frame_hz is None or seen.open_ohm is None:
-        return [{}]
-    step = max(1, seen.frame_hz.size // FRAME_POINTS)
-    frequency, measured = seen.frame_hz[::step], seen.open_ohm[::step]
-    s: ComplexArray = np.asarray(2j * np.pi * frequency, dtype=np.complex128)
-    winding: ComplexArray = 1 / (1 / (start[Set("Ra")] + s * start[Set("La")]) + s * start[Set("Ca")])
-    branch: ComplexArray = 1 / (start["esr_ohm"] + s * start["esl_h"] + 1 / (s * start["capacitance_f"]))
-    short: ComplexArray = 1 / (1 / winding + branch)
-    with np.errstate(all="ignore"):
-        if seen.place:
-            left, error = _less(measured, np.abs(measured), branch)
-            frame, error = left - winding, np.hypot(error, _less(short, np.abs(short), branch)[1])
-        else:
-            frame, error = measured - short, np.hypot(np.abs(measured), np.abs(short))
-        known = error <= MOST_LOST * np.abs(frame)
-        if seen.place == "pair":
-            frame, error = _less(frame, error, branch)
-            known &= error <= MOST_LOST * np.abs(frame)
-    found = frames(frequency[known], frame[known], error[known]) if np.count_nonzero(known) >= LEAST_POINTS else []
-    # A fit without the second capacitor of a pair attributes its capacitance to the frame.
-    taken = [{Subtract("Cf"): start["capacitance_f"]}] if seen.place == "pair" else []
-    return [{Set(name): value for name, value in one.items()} for one in (*found, SMALL_FRAME)] + taken
-
-
 def winding_behind_lead(seen: Seen) -> list[dict[Any, float]]:
     """Winding and lead from a rational fit.
 
     The resonance of a lead with the winding's capacitance is sharp, and a model without it takes the elements of the winding for it.
     """
-    return _from(seen.behind_lead, _winding_and_lead)
+    return from_rational(seen.behind_lead, _winding_and_lead)
 
 
 def _winding_and_lead(short: Rational) -> dict[Any, float]:
@@ -431,96 +351,3 @@ def frame_behind_strap(seen: Seen) -> list[dict[Any, float]]:
     return [
         {**{Set(name): value for name, value in frame.items()}, **CONDUCTOR_REST, "inductance_h": henry} for henry, frame in straps if henry > 0
     ]
-
-
-def _less(impedance: ComplexArray, error: FloatArray, branch: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-    """An impedance without an admittance in parallel with it, and its error; both are assumed to have the same relative error."""
-    alone = 1 / (1 / impedance - branch)
-    return alone, np.abs(alone) ** 2 * np.hypot(error / np.abs(impedance) ** 2, np.abs(branch))
-
-
-def _shares(seen: Seen) -> list[dict[Any, float]]:
-    henry = seen.lowest_inductance_h
-    if henry is None or seen.frame_hz is None or seen.open_ohm is None or seen.frequency_hz is None:
-        return []
-    whole = -1 / (2 * np.pi * seen.frame_hz[0] * seen.open_ohm.imag[0])
-    if whole <= 0:
-        return []
-    dip = int(np.argmin(np.abs(seen.open_ohm)))
-    starts = []
-    for share in SUPPRESSOR_SHARES:
-        capacitance = share * whole
-        esl = 1 / ((2 * np.pi * seen.frame_hz[dip]) ** 2 * capacitance)
-        half = min(0.5 * (1 - share) * whole, SMALL_FRAME["Cf"])
-        # Below the resonance with La the capacitor increases the measured inductance.
-        own = henry / (1 + (2 * np.pi * seen.frequency_hz[0]) ** 2 * henry * capacitance)
-        frame = {Set("Cf"): half, Set("Cr"): half, Set("Lr"): SMALL_FRAME["Lr"], Set("Rr"): SMALL_FRAME["Rr"]}
-        part = {"capacitance_f": capacitance, "esr_ohm": max(0.5 * abs(seen.open_ohm[dip].real), 2e-3), "esl_h": float(np.clip(esl, 1e-9, 1e-7))}
-        starts += [{Set("La"): own, Set("Ca"): ca, **frame, **part} for ca in (2e-11, 2e-10)]
-    return starts
-
-
-def suppressor_choke(seen: Seen) -> list[dict[Any, float]]:
-    """A choke in series with the winding from a rational fit; and the inductance at the low end of the sweep, divided between the two.
-
-    If the model has a resonant cell in series with the winding, also one like that cell.
-    """
-    henry = seen.lowest_inductance_h
-    if henry is None or seen.short_ohm is None:
-        return []
-    return (
-        _like_cell(seen.parameters)
-        + _from(seen.choked, _choke)
-        + [
-            {
-                Set("Ra"): max(float(seen.short_ohm.real[0]), 1e-3),
-                Set("La"): (1 - part) * henry,
-                Set("Ca"): farad,
-                "inductance_h": part * henry,
-                "share": 0.6,
-                "corner_hz": corner_hz,
-                **CHOKE_REST,
-            }
-            for part in (0.25, 0.5, 0.75)
-            for farad in (2e-11, 1e-10)
-            for corner_hz in (5e6, 2e7)
-        ]
-    )
-
-
-def _like_cell(parameters: Mapping[str, float]) -> list[dict[Any, float]]:
-    """A choke with the inductance, the loss and the resonance of the model's resonant cell, if it has one."""
-    henry = parameters.get("second-resonance.inductance_h", 0.0)
-    if not henry:
-        return []
-    omega = 2 * np.pi * parameters["second-resonance.resonance_hz"]
-    return [
-        {
-            "inductance_h": henry,
-            "share": 0.8,
-            "corner_hz": parameters["second-resonance.resistance_ohm"] / (2 * np.pi * henry),
-            **CHOKE_REST,
-            "capacitance_f": float(1 / (omega**2 * henry)),
-        }
-    ]
-
-
-def _choke(short: Rational) -> dict[Any, float]:
-    """The winding, and s L (1 - k) + s L k / (1 + s/w) in series with it, from the partial fractions: the real pole belongs to the choke."""
-    parts = _fractions(short.numerator[::-1], short.denominator[::-1])
-    if parts is None:
-        return {Set("La"): np.nan}
-    slope, real, by_rod, pair, by_winding = parts
-    corner = -real * short.middle
-    ferrite, air = -by_rod * short.middle / corner**2, slope / short.middle
-    capacitance = 1 / (2 * by_winding.real * short.middle)
-    inductance = 1 / (np.abs(pair * short.middle) ** 2 * capacitance)
-    return {
-        Set("Ra"): float(-(by_winding * pair.conjugate()).real / by_winding.real * short.middle * inductance),
-        Set("La"): float(inductance),
-        Set("Ca"): float(capacitance),
-        "inductance_h": float(air + ferrite),
-        "share": float(ferrite / (air + ferrite)),
-        "corner_hz": float(corner / (2 * np.pi)),
-        **CHOKE_REST,
-    }

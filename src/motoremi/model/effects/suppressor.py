@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from motoremi.model import laws, materials
 from motoremi.model.circuit import Leaf, Node, Parallel, Scaled, Series
-from motoremi.model.effects import rational_starts
+from motoremi.model.effects import suppressor_starts
 from motoremi.model.effects.effect import Effect
 from motoremi.model.effects.start import Subtract
 from motoremi.model.motor import Motor, Outwards
@@ -74,11 +74,11 @@ EFFECTS = (
         ),
         change=_capacitor,
         starts=tuple(
-            {"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x, "tan_delta": rational_starts.LITTLE_LOSS}
+            {"capacitance_f": c, "esr_ohm": 0.1, "esl_h": x, "tan_delta": suppressor_starts.LITTLE_LOSS}
             for c in (1e-9, 1e-8, 1e-7)
             for x in (5e-9, 3e-8)
         ),
-        reader=rational_starts.suppressor_capacitor,
+        reader=suppressor_starts.suppressor_capacitor,
         places=("", "frame", "pair"),
         responds={"second-temperature": {"capacitance_f": 0.97}, "brushes-lifted": {"capacitance_f": 0.0}},
     ),
@@ -116,7 +116,7 @@ EFFECTS = (
             for x in (1e-6, 4e-6)
             for f in (3e6, 2e7)
         ),
-        reader=rational_starts.suppressor_choke,
+        reader=suppressor_starts.suppressor_choke,
         responds={"dc-bias": {"share": 0.8}, "brushes-lifted": {"inductance_h": 0.0, "resistance_ohm": 0.0}},
         copper={"resistance_ohm": 1.0},
     ),
