@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -262,3 +263,32 @@ def test_a_contact_of_an_ohm_is_named_though_little_is_left():
     # A frame strap of an ohm and next to no inductance is the same.
     assert found.effects == ("contact-resistance",)
     assert found.verdict in ("instrument", "family")
+
+
+def test_a_contact_in_both_sweeps_is_no_cell_and_no_lead():
+    """Of 3 Ohm each, as of a worn test lead or a relay: a lead of so much resistance and no inductance is none."""
+    found = answer([dataclasses.replace(s, impedance_ohm=s.impedance_ohm + 3.0) for s in swept(5, both(grid(401)))], ("contact-resistance",))
+    assert found is not None
+    assert found.effects == ("contact-resistance",)
+    values = found.best.parameters
+    assert [values[f"contact-resistance.{termination}_ohm"] for termination in ("open", "short")] == pytest.approx([3.0, 3.0], rel=0.05)
+
+
+def test_two_suppressors_are_found_though_neither_alone_gains_anything():
+    """Across the terminals and from one of them to the frame: each alone leaves more than half of the error."""
+    with seeking({"suppressor-capacitor", "suppressor-capacitor@frame", "suppressor-capacitor@pair", "short-residual", "second-resonance"}):
+        found = answer(swept(26112701, both(grid(401)), ("suppressor-capacitor", "suppressor-capacitor@frame")), ())
+    assert found is not None
+    assert set(found.effects) == {"suppressor-capacitor", "suppressor-capacitor@frame"}
+
+
+def test_a_capacitance_that_no_winding_has_is_told():
+    """47 nF across the terminals, of which 30 MHz show no inductance: a circuit with such a Ca describes it."""
+    sweeps = [
+        me.ImpedanceSweep(name, frequency, impedance({**DAMPED, "Ca": DAMPED["Ca"] + 47e-9}, name, frequency))
+        for frequency in [grid(201)]
+        for name in ("short", "open")
+    ]
+    with seeking():
+        reasons = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a")).reasons
+    assert any("Ca = 47" in why and "a capacitor across the terminals" in why for why in reasons)

@@ -221,6 +221,57 @@ def test_a_pair_starts_from_one_suppressor_whose_frame_holds_the_other():
     assert not any(Subtract("Cf") in start for start in reader(dataclasses.replace(seen(suppressed("frame")), place="frame")))
 
 
+def capacitor(part: dict[str, float]) -> np.ndarray:
+    return part["esr_ohm"] + S * part["esl_h"] + 1 / (S * part["capacitance_f"])
+
+
+def all_starts(measurement: Measurement, effect: str, place: str, parameters: dict[str, float]) -> list[dict[str, float]]:
+    """All start values of an effect for a model that has these parameters."""
+    reader = next(one.reader for one in catalogue() if one.name == effect)
+    assert reader is not None
+    return [dict(start) for start in reader(dataclasses.replace(seen(measurement), place=place, parameters=parameters))]
+
+
+@pytest.mark.parametrize("place", ["frame", "pair"])
+def test_two_suppressors_are_read_off_together_each_at_its_place(place):
+    across = {"capacitance_f": 8e-9, "esr_ohm": 0.2, "esl_h": 2e-8}
+    own, way = beside(winding(S * LA), capacitor(across)), frame()
+    inner = beside(way, suppressor()) if place == "pair" else way
+    measurement = measured(beside(own, suppressor()), beside(suppressor(), own + inner), added=False)
+    # The model has the first one, with values that are not yet right.
+    before = {f"suppressor-capacitor.{name}": 2 * value for name, value in across.items()}
+    truth = {**{Set(f"suppressor-capacitor.{name}"): value for name, value in across.items()}, **SUPPRESSOR, Set("La"): LA}
+    starts = all_starts(measurement, "suppressor-capacitor", place, before)
+    right = [one for one in starts if {name: one.get(name) for name in truth} == pytest.approx(truth, rel=2 * NEAR)]
+    assert right
+    assert any(one[Set("Cr")] + one[Set("Cf")] == pytest.approx(CR + CF, rel=2 * NEAR) for one in right)
+
+
+def rod(inductance_h: float, share: float, corner_hz: float) -> np.ndarray:
+    ferrite = share * inductance_h
+    return S * (inductance_h - ferrite) + beside(S * ferrite, np.full_like(S, 2 * np.pi * corner_hz * ferrite))
+
+
+def test_a_suppressor_behind_a_choke_is_read_off_with_the_choke():
+    choke = rod(5.7e-6, 0.8, 5e6)
+    part = {**SUPPRESSOR, "esl_h": 2e-9}
+    own, way = winding(S * LA), frame()
+    measurement = measured(choke + beside(own, capacitor(part)), choke + beside(capacitor(part), own + way), added=False)
+    starts = all_starts(measurement, "suppressor-capacitor", "frame", {"suppressor-choke.inductance_h": 1e-6, "suppressor-choke.share": 0.5})
+    truth = {"capacitance_f": part["capacitance_f"], Set("La"): LA, Set("suppressor-choke.inductance_h"): 5.7e-6, Set("suppressor-choke.share"): 0.8}
+    right = [one for one in starts if {name: one.get(name) for name in truth} == pytest.approx(truth, rel=NEAR)]
+    assert any(one[Set("Cr")] + one[Set("Cf")] == pytest.approx(CR + CF, rel=2 * NEAR) for one in right)
+
+
+def test_a_choke_behind_a_suppressor_is_read_off_what_the_capacitor_leaves():
+    own = winding(S * LA) + rod(7.6e-6, 0.76, 5e6)
+    measurement = measured(beside(own, suppressor()), beside(own, suppressor()) + frame(), added=False)
+    known = {f"suppressor-capacitor.{name}": value for name, value in SUPPRESSOR.items()}
+    found = all_starts(measurement, "suppressor-choke", "brushes", known)[0]
+    truth = {Set("La"): LA, "inductance_h": 7.6e-6, "share": 0.76, "corner_hz": 5e6}
+    assert {name: found[name] for name in truth} == pytest.approx(truth, rel=2 * NEAR)
+
+
 def divided(winding: np.ndarray, rotor: np.ndarray, effect: str) -> list[dict[str, float]]:
     """All start values of an effect that the open-circuit sweep alone gives."""
     (sweep,) = measured(winding, rotor, ("open",)).sweeps

@@ -14,7 +14,7 @@ from scipy.special import ndtr
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import find_effect, identifiers
-from motoremi.model.motor import Motor
+from motoremi.model.motor import BASE_PARAMETERS, Motor
 from motoremi.model.parameter import Parameter
 from motoremi.quantities import show
 
@@ -30,6 +30,8 @@ ALLOWED_SIGMA = 4.0
 FLEXIBLE = 3
 # Standard deviations by which a value must lie beyond what is usual to count as unusual, as for a 95 % interval.
 UNSURE = 2.0
+# Parts that have the impedance of an element.
+LIKE_PART = {"Ca": "a capacitor across the terminals", "Cr": "a capacitor to the frame", "Cf": "a capacitor to the frame"}
 # Parameters whose lower bound means zero (a lead or a capacitor below 1 mOhm): being at that bound costs nothing.
 _SOFT = frozenset({"resistance_ohm", "esr_ohm"})
 
@@ -139,6 +141,19 @@ def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, fl
     flexible = [p for p in own if counts[p.name.rpartition(".")[0]] >= FLEXIBLE]
     outside = [p.name for p in flexible if _is_unusual(p, values[p.name], 0.0 if sigma is None else UNSURE * sigma[p.name])]
     return (*outside, *(f"{label}.resistance_ohm" for label in counts if _is_overdamped(label, motor, values)))
+
+
+def large_elements(fit: Fit) -> list[str]:
+    """The capacitances of a fit's own elements that are larger than those of windings, in words: they are those of capacitors."""
+    said = []
+    for parameter in BASE_PARAMETERS:
+        part, value = LIKE_PART.get(parameter.name), fit.parameters.get(parameter.name, 0.0)
+        if part is None or parameter.usual is None or value <= parameter.usual[1]:
+            continue
+        if _is_unusual(parameter, value, UNSURE * fit.sigma[parameter.name]):
+            most = f"{parameter.name} = {show(value, 'F')} is more than windings have (up to {show(parameter.usual[1], 'F')})"
+            said.append(f"{most}: {part} has the same impedance, look for one")
+    return said
 
 
 def _is_overdamped(label: str, motor: Motor, values: Mapping[str, float]) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE
-from motoremi.diagnosis.candidates import Candidate, possible_effects
+from motoremi.diagnosis.candidates import Candidate, large_elements, possible_effects
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key, best_of
 from motoremi.diagnosis.findings import (
@@ -68,6 +68,8 @@ LARGEST_FAMILY = 6
 ABOUT_THE_DATA = frozenset({"wrong-phase", "sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance"})
 # Findings that make the data useless whatever the model, and the kind of their verdict.
 CONTRADICTIONS = {"wrong-phase": "a phase that no passive part has", "sweeps-disagree": "the same sweep twice"}
+# What was tried beside single effects, by size of the largest sets that were compared.
+TRIED_BESIDE = ("", "", ", nor do two of them", ", nor do two of them, nor a third beside the best two")
 # Number of searches for outliers, each without those found before.
 LOOKS = 3
 # Sets of effects that are listed.
@@ -433,6 +435,8 @@ def _concluded(
         ]
     else:
         reasons = _reasons(judgement, verdict, named, families, validation)
+        if judgement.accepted:
+            reasons += large_elements(judgement.model.fit)
     return Diagnosis(
         verdict=verdict,
         effects=tuple(named) if verdict not in ("unexplained", "data") else (),
@@ -522,7 +526,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
 def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], validation: JsonDict) -> list[str]:
     base, closest = judgement.base, judgement.closest
     if verdict in ("unexplained", "data"):
-        tried = len(possible_effects(base))
+        tried, most = len(possible_effects(base)), max(map(len, judgement.found))
         spans = "; ".join(f"{span['sweep']} {show_band(*span['band_hz'])}" for span in compare(closest.fit).where[:3])
         left = closest.fit.unexplained_percent
         floor = f"noise and analyser would leave {percent(base.floor_percent, 2)}"
@@ -538,7 +542,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
                 f"({judgement.best.unusual_in_words}): an effect outside the catalogue is more probable",
             ]
         return [
-            f"{missing} and none of {tried} effects explains it, nor do two of them, nor a third beside the best two",
+            f"{missing} and none of {tried} effects explains it{TRIED_BESIDE[most]}",
             *(() if judgement.whole is None else machine_in_words(judgement.whole)),
             f"closest: {as_sum(closest.added) or 'none'}, which leaves {percent(closest.fit.rms_error_percent)}; beyond noise and analyser "
             f"{percent(left['value'], 2)} ({spans or 'spread over the whole span'})",

@@ -35,7 +35,7 @@ BOTH: Terminations = ("short", "open")
 BASE_PARAMETERS = (
     Parameter("Ra", "Ohm", 1e-3, 100e3, "from a copper bar to a thin winding whose core losses at MHz are lumped in"),
     Parameter("La", "H", 1e-9, 1.0, "from one turn to the stator of a small mains motor at 100 Hz"),
-    Parameter("Ca", "F", 0.01e-12, 1e-6, "turn-to-turn capacitance, from a few turns to a large winding"),
+    Parameter("Ca", "F", 0.01e-12, 1e-6, "turn-to-turn capacitance, from a few turns to a large winding", usual=(1e-12, 20e-9)),
     Parameter("Rr", "Ohm", 1e-3, 1e6, "laminations and bearing: metal contact to a dry oil film"),
     Parameter("Lr", "H", 1e-9, 10e-3, "from a few millimetres of shaft to the whole core"),
     Parameter("Cr", "F", 0.1e-12, 1e-6, "winding to slot, from a toy motor to a traction motor", usual=(10e-12, 20e-9)),
