@@ -163,3 +163,19 @@ def test_an_analyser_that_is_off_as_a_whole_by_more_than_is_declared_is_within_t
     names = [p.name for p in fit.problem.unknowns]
     likely = {name: fit.parameters[name] * np.sqrt(fit.covariance[names.index(name), names.index(name)]) for name in ELEMENTS}
     assert max(abs(fit.parameters[name] - motor.elements[name]) / likely[name] for name in ELEMENTS) > 2
+
+
+@pytest.mark.parametrize(("analyser", "accuracy_percent", "off"), [("unknown", None, 0.004), ("unknown", 2.0, 0.015), ("none", 2.0, 0.015)])
+def test_an_error_of_all_impedances_in_common_is_within_the_error_bars(analyser, accuracy_percent, off) -> None:
+    """A common factor leaves nothing in the fit: only what is known of the analyser, or what the owner states, limits it."""
+    rng, motor = np.random.default_rng(6), SimulatedMotor.random(11)
+    stated = {"analyser": analyser} | ({} if accuracy_percent is None else {"accuracy_percent": accuracy_percent})
+    sweeps = [noisy(rng, t, motor.impedance(t, GRID_HZ) * (1 + off)) for t in ("short", "open") for _ in range(3)]
+    fit = me.fit(None, [s.with_metadata(**stated) for s in sweeps])
+    for name in ELEMENTS:
+        assert abs(fit.parameters[name] - motor.elements[name]) < 1.96 * fit.sigma[name]
+        assert fit.sigma[name] >= 0.25 * off * motor.elements[name]
+
+
+def test_an_ideal_analyser_has_no_error_in_common(warm) -> None:
+    assert warm[1].measurement.scale_sigma == 0

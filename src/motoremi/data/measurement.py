@@ -158,6 +158,14 @@ class Measurement:
         """Accepted discrepancy in percent: the accuracy that the owner states, or `GOOD_ENOUGH_PERCENT`."""
         return self.accuracy_percent if self.accuracy_percent is not None else GOOD_ENOUGH_PERCENT
 
+    @property
+    def scale_sigma(self) -> float:
+        """Standard deviation of a relative error that all impedances have in common; it shows in the elements and not in the fit.
+
+        That of the analyser, or of the accuracy that the owner states: a bound, within which all values are as likely (JCGM 100:2008, 4.3.7).
+        """
+        return max(self.analyser.standard_sigma, (self.accuracy_percent or 0.0) / 100 / np.sqrt(3))
+
     @cached_property
     def coarse(self) -> Measurement:
         """The measurement with sweeps of many points averaged (`data.coarse`), for search and evidence; itself if there is none."""

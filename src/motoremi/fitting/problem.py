@@ -401,9 +401,9 @@ class Problem:
         smooth = analyser.smooth_errors(observed.frequency_hz, observed.measured) * (self.sizes.declared * observed.weight)
         return np.concatenate([self.pull(here, smooth), self.pull(here, 1j * smooth), np.diag(np.sqrt(self.precision))[self._declared]])
 
-    def pull_of_standard(self, here: Linearised) -> FloatArray:
-        """What a calibration standard that is off by one standard deviation adds to J' C^-1 r, shape (1, k): it scales all impedances."""
-        return self.pull(here, np.asarray(self.measurement.analyser.standard_sigma * self.observed.weight, dtype=np.complex128)[None])
+    def pull_of_scale(self, here: Linearised) -> FloatArray:
+        """What an error of all impedances in common, of one standard deviation, adds to J' C^-1 r, shape (1, k)."""
+        return self.pull(here, np.asarray(self.measurement.scale_sigma * self.observed.weight, dtype=np.complex128)[None])
 
     def slopes_of_deviation(self, u: FloatArray) -> ComplexArray:
         """Derivatives of `deviation` for the unknowns, shape (k, n); `u` of shape (k,)."""

@@ -229,13 +229,14 @@ class Fit:
     def shown_covariance(self) -> FloatArray:
         """The same with what the likelihood does not contain.
 
-        That is: changes between the sweeps, two resonances that may be exchanged, a calibration standard that is off, and an analyser that is worse
-        than declared. Data that show that its errors change little from point to point do not show that they are small.
+        That is: changes between the sweeps, two resonances that may be exchanged, an error that all impedances have in common
+        (`Measurement.scale_sigma`), and an analyser that is worse than declared. Data that show that its errors change little from point to point
+        do not show that they are small.
         """
         moved = displacements(self.weighed, self.unknowns, self.linearised, self.covariance)
         total: FloatArray = self.covariance + moved.T @ moved
-        if self.measurement.analyser.standard_sigma:
-            scaled = self.weighed.pull_of_standard(self.linearised) @ self._covariance_at(self.sizes.declared)
+        if self.measurement.scale_sigma:
+            scaled = self.weighed.pull_of_scale(self.linearised) @ self._covariance_at(self.sizes.declared)
             total = total + scaled.T @ scaled
         # Nothing is declared for an unnamed analyser: only the data show how large its errors are.
         if self.measurement.analyser.scales == DECLARED:
