@@ -91,6 +91,12 @@ def test_two_maxima_are_apart_and_every_subrange_gives_one_first() -> None:
     assert near == [1.0, 1.2, 15.0]
 
 
+def test_of_maxima_with_the_same_margin_the_lowest_in_frequency_is_taken() -> None:
+    chosen, more = choose_maxima([with_peaks({20e6: 60.0, 7e6: 60.0})], LIMIT, Rules(maxima=1))
+    assert [round(one.frequency_hz / 1e6, 1) for one in chosen] == [7.0]
+    assert more == 1
+
+
 def test_the_highest_of_both_lines_counts_and_corrections_are_shown() -> None:
     small = np.array([0.9955e6, 0.99775e6, 1e6, 1.00225e6, 1.0045e6])
     finals = [

@@ -93,8 +93,9 @@ def choose_maxima(spectra: Sequence[Spectrum], limit: Limit, rules: Rules) -> tu
     for one in chosen:
         groups.setdefault(int(np.searchsorted(edges, one.frequency_hz, "right")), []).append(one)
     # First the nearest to the limit of each subrange, then the second of each subrange, and so on.
-    turns = sorted((turn, one.margin_db, one) for group in groups.values() for turn, one in enumerate(group))
-    taken = sorted((one for _, _, one in turns[: rules.maxima]), key=lambda one: one.frequency_hz)
+    turns = [(turn, one) for group in groups.values() for turn, one in enumerate(group)]
+    turns.sort(key=lambda of: (of[0], of[1].margin_db, of[1].frequency_hz))
+    taken = sorted((one for _, one in turns[: rules.maxima]), key=lambda one: one.frequency_hz)
     return tuple(taken), len(chosen) - len(taken)
 
 
