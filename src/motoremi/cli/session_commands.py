@@ -53,11 +53,11 @@ def import_(
         ),
     ] = None,
     fixture: Annotated[
-        Literal["series-through", "shunt-through"] | None,
+        Literal["series-through", "shunt-through", "reflection"] | None,
         typer.Option(
             "--fixture",
-            help="For Touchstone of two ports (.s2p): motor in series between the ports, or across the line. The errors assumed of the "
-            "analyser are then those of a transmission.",
+            help="For Touchstone of two ports (.s2p): motor in series between the ports, or across the line (S21; the errors assumed of the "
+            "analyser are then those of a transmission), or at port 1 alone (S11).",
         ),
     ] = None,
     compensated: Annotated[
@@ -265,7 +265,7 @@ def _sweeps(
 
     files = [(path, "short") for path in short] + [(path, "open") for path in open_]
     sweeps = [read_impedance(path, termination, fixture, band, units) for path, termination in files]
-    if fixture is not None and not any(sweep.metadata["read_as"].startswith("S21") for sweep in sweeps):
+    if fixture is not None and not any(sweep.metadata["read_as"].startswith(("S21 of", "S11 of")) for sweep in sweeps):
         raise BadInput("--fixture is for Touchstone files of two ports (.s2p), and none of the files is one")
     return sweeps
 

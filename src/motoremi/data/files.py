@@ -49,8 +49,8 @@ def read_impedance(
         (.s2p) with the motor between them.
     termination : {"short", "open"}
         Connection of the motor.
-    fixture : {"series-through", "shunt-through"}, optional
-        For Touchstone of two ports: whether the motor was connected in series between the ports, or across the line.
+    fixture : {"series-through", "shunt-through", "reflection"}, optional
+        For Touchstone of two ports: whether the motor was connected in series between the ports, across the line, or at port 1 alone.
     band : (float, float), optional
         Both ends in hertz, included; rows outside are left out before the values of the others are checked.
     units : mapping, optional

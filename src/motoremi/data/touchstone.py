@@ -7,12 +7,13 @@ import math
 import re
 import warnings
 from dataclasses import dataclass
+from itertools import islice
 from typing import Literal, cast, get_args
 
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
-from motoremi.data.numbers import looks_cut, parse_number
+from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
 from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, used_rows
 from motoremi.data.sweep import check_order, checked_frequency
 from motoremi.data.text import clean_text
@@ -22,21 +23,32 @@ from motoremi.errors import BadInput
 _UNITS = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
 _PARAMETERS = {"S", "Y", "Z", "G", "H"}
 _FORMATS = {"RI", "MA", "DB"}
-_PLAIN = re.compile(r"not[ -]normali[sz]ed|un-?normali[sz]ed|\bin ohms?\b|\[ohms?\]|\(ohms?\)|Ω", re.IGNORECASE)
+_PLAIN = re.compile(r"not[ -]normali[sz]ed|un-?normali[sz]ed|\bin (?:ohms?|siemens)\b|\[ohms?\]|\(ohms?\)|Ω", re.IGNORECASE)
 _NORMALISED = re.compile(r"normali[sz]ed", re.IGNORECASE)
 # Capacitances that tell normalised data from ohms, in farad, of the winding (inductive at the low end) and of the insulation (capacitive
 # there). With normalised data assumed, less than the first is impossible for a motor and more than the second is likely; between them the
 # file has to state it.
 _WINDING_F = (4e-12, 8e-12)
 _INSULATION_F = (60e-12, 200e-12)
-Scale = Literal["normalised", "ohm"]
-# Connection of the motor between two ports: in series between them, or across the line from one to the other.
-Fixture = Literal["series-through", "shunt-through"]
+# What impedances and admittances are in, if they are not normalised.
+_PLAIN_UNIT = {"Z": "ohm", "Y": "siemens"}
+# Connection of the motor to two ports: in series between them, across the line from one to the other, or at port 1 alone.
+Fixture = Literal["series-through", "shunt-through", "reflection"]
 FIXTURES: tuple[Fixture, ...] = get_args(Fixture)
-_HOW = "--fixture series-through (motor from port to port) or --fixture shunt-through (motor across the line)"
-# Numbers in a row of a file of one port and of two, the frequency among them.
+_BETWEEN_PORTS = FIXTURES[:2]
+_HOW = (
+    "--fixture series-through (motor from port to port) or --fixture shunt-through (motor across the line); "
+    "--fixture reflection reads S11 (motor at port 1 alone)"
+)
+# A fixture that is stated is refused if S11 fits another one so many times better.
+_FAR_BETTER = 4
+# Between two ports no motor transmits less at all frequencies: in series it would have more than 5 kOhm, across the line less than half an ohm.
+_LEAKAGE = 0.02
+# Least difference of S11 to that of a motor between two ports, relative to 1 - S21, which says that it was not there.
+_UNLIKE = 0.3
+# Numbers in a row of a file of one port and of two, the frequency among them, and of two of which one off-diagonal element is left out.
 _PORTS = {3: 1, 9: 2}
-_TWO_PORTS = 9
+_TWO_PORTS, _TRIANGLE = 9, 7
 # Numbers in a row of noise parameters, which may follow those of two ports at frequencies that begin anew.
 _NOISE = 5
 # A comment that names a transmission as the content of the file: `Params: S21`, `S12`, `Freq ReS21 ImS21`.
@@ -45,11 +57,19 @@ _NOT_THAT = re.compile(r"S(?:11|22)(?![0-9])|\b(?:not|no|without|unused)\b", re.
 
 
 def is_touchstone(text: str) -> bool:
-    """Whether the first line that is no comment is Touchstone's option line or version."""
-    first = next((line.strip() for line in split_lines(text[:50_000]) if line.strip() and not line.strip().startswith("!")), "")
+    """Whether the first line that is no comment is Touchstone's option line or version.
+
+    An option line of less than two entries may be the comment of another table: it counts above a row of one port or of two.
+    """
+    lines = (line.partition("!")[0].strip() for line in split_lines(text[:50_000]))
+    first, second, *_ = *islice(filter(None, lines), 2), "", ""
     if first.lower().startswith("[version]"):
         return True
-    return _options(first) is not None
+    options = _options(first)
+    if options is None:
+        return False
+    cells = second.split()
+    return options.stated >= 2 or (len(cells) in _PORTS and all(map(looks_numeric, cells)))
 
 
 @dataclass(frozen=True)
@@ -58,10 +78,11 @@ class _Options:
     parameter: str
     style: str
     reference: float
+    stated: int  # number of entries in the file; the others are the defaults of the standard
 
     def line(self) -> str:
-        """The option line in the order that every program takes."""
-        return f"# {self.unit} {self.parameter} {self.style} R {self.reference!r}"
+        """The option line for the library, in the order that it takes: numbers of whatever parameter are left as they are, like S."""
+        return f"# {self.unit} S {self.style} R {self.reference!r}"
 
 
 def _options(line: str) -> _Options | None:
@@ -90,7 +111,7 @@ def _options(line: str) -> _Options | None:
             return None
         known += 1
         position += 1
-    return _Options(unit, parameter, style, reference) if known >= 2 else None
+    return _Options(unit, parameter, style, reference, known)
 
 
 def parse_touchstone(text: str, name: str, fixture: str | None = None, band: Band | None = None) -> tuple[Rows, JsonDict]:
@@ -102,8 +123,9 @@ def parse_touchstone(text: str, name: str, fixture: str | None = None, band: Ban
     Parameters
     ----------
     text, name : str
-    fixture : {"series-through", "shunt-through"}, optional
-        Connection of the motor between two ports; a comment line `! fixture: series-through` states it as well. Not used for one port.
+    fixture : {"series-through", "shunt-through", "reflection"}, optional
+        Connection of the motor to two ports, the last at port 1 alone; a comment line `! fixture: series-through` states it as well. Not used
+        for one port.
     band : (float, float), optional
         Both ends in hertz; rows outside are not used.
 
@@ -111,7 +133,7 @@ def parse_touchstone(text: str, name: str, fixture: str | None = None, band: Ban
     ------
     BadInput
         If a row has the wrong length, the rows are not sorted, the file is cut off, a file of one port holds a transmission, or it is not
-        stated whether its data are normalised or how the motor was connected between two ports.
+        stated whether its data are normalised or how the motor was connected between two ports, or S11 contradicts what is stated.
     """
     file = _checked(text, name)
     options = file.options
@@ -126,29 +148,35 @@ def parse_touchstone(text: str, name: str, fixture: str | None = None, band: Ban
     frequency, s, z0 = every_hz[used], every_s[used], every_z0[used]
     warnings: tuple[str, ...] = ()
     if fixture is not None:
+        _refuse_other_fixture(s, fixture, name)
+    if fixture in _BETWEEN_PORTS:
         impedance, read_as = _between_ports(frequency, s, z0, fixture, name)
         header["fixture"] = fixture
     else:
         impedance, read_as = _of_one_port(file, frequency, s, z0, name)
         warnings = reflection_warnings(s[:, 0, 0]) if options.parameter == "S" else ()
+    if options.stated < 2:
+        read_as += f", with the defaults of the standard: {options.unit} {options.parameter} {options.style}"
     rows = Rows(frequency, impedance, None, lambda row: f"{name}, line {file.lines[used[row]]}", changes, warnings)
     return rows, {**header, "read_as": read_as}
 
 
 def _of_one_port(file: _File, frequency: FloatArray, s: ComplexArray, z0: ComplexArray, name: str) -> tuple[ComplexArray, str]:
     """Impedance in ohm, and how it was found."""
-    parameter, reference = file.options.parameter, file.options.reference
-    if parameter == "S":
-        _refuse_transmission(file.comments, name)
+    parameter, reference, values = file.options.parameter, file.options.reference, s[:, 0, 0]
     with np.errstate(all="ignore"):
-        impedance: ComplexArray = z0[:, 0] * (1 + s[:, 0, 0]) / (1 - s[:, 0, 0])
-    if parameter == "S" or file.version >= 2 or reference == 1:
-        return impedance, f"{parameter} parameters in {reference:g} Ohm"
-    scale, why = _scale(file.comments, frequency, impedance, reference, name)
-    if scale == "ohm":
-        impedance = impedance / reference
-    scaling = "not normalised" if scale == "ohm" else f"normalised to {reference:g} Ohm"
-    return impedance, f"{parameter} parameters, {scaling} ({why})"
+        if parameter == "S":
+            _refuse_transmission(file.comments, name)
+            what = "S parameters" if file.ports == 1 else "S11 of two ports"
+            return z0[:, 0] * (1 + values) / (1 - values), f"{what} in {z0[0, 0].real if len(z0) else reference:g} Ohm"
+        plain: ComplexArray = values if parameter == "Z" else 1 / values
+    if file.version >= 2 or reference == 1:
+        return plain, f"{parameter} parameters in {_PLAIN_UNIT[parameter]}"
+    # z = Z / R and y = Y R.
+    scale, why = _scale(file, frequency, plain * reference, name)
+    if scale == "plain":
+        return plain, f"{parameter} parameters, not normalised ({why})"
+    return plain * reference, f"{parameter} parameters, normalised to {reference:g} Ohm ({why})"
 
 
 def _refuse_transmission(comments: list[str], name: str) -> None:
@@ -174,12 +202,15 @@ class _File:
 def _checked(text: str, name: str) -> _File:
     """Options, version, ports, comments and the lines without comments, after every number is checked.
 
-    The library accepts `1_000`, `nan` and short rows, takes a row of two ports whose frequency is lower than that of the row before it for the
+    Information and noise parameters of version 2 are passed over, and a matrix of which a triangle is saved is completed. The library accepts
+    `1_000`, `nan` and short rows, takes a row of two ports whose frequency is lower than that of the row before it for the
     begin of noise parameters, requires the options in one order, and searches comments for settings of other programs.
     """
     options: _Options | None = None
     version, comments, body = 1.0, [], []
     frequencies: int | None = None
+    # Whether rows of version 2 have begun, information or noise parameters are passed over, and only a triangle of the matrix is saved.
+    network = passed = triangle = False
     rows: list[list[str]] = []
     numbers: list[int] = []
     lines = split_lines(text)
@@ -191,15 +222,26 @@ def _checked(text: str, name: str) -> _File:
         where = f"{name}, line {number}"
         if not line:
             continue
+        if passed:
+            passed = not line.lower().startswith("[end")
+            continue
         if line.startswith("#"):
             # According to the standard only the first option line counts.
             if options is None:
                 options = _options(line)
                 body += [options.line()] if options else []
             continue
-        body.append(line)
         if line.startswith("["):
             key, _, value = line.lower().partition("]")
+            if key in ("[begin information", "[noise data"):
+                passed = True
+                continue
+            if key == "[matrix format":
+                # Rows of a triangle are completed below, because the library leaves gaps in those of two ports.
+                triangle = value.strip() in ("lower", "upper")
+                continue
+            body.append(line)
+            network = network or key == "[network data"
             if key == "[version":
                 version = parse_number(value, where)
             elif key == "[number of ports" and value.strip() not in ("1", "2"):
@@ -208,11 +250,17 @@ def _checked(text: str, name: str) -> _File:
                 )
             elif key == "[number of frequencies":
                 frequencies = int(parse_number(value, where))
+        elif version >= 2 and not network:
+            body.append(line)  # the reference impedances may stand below their keyword
         elif options is None:
             raise BadInput(f"{where}: data before the option line '# HZ S RI R 50'")
         else:
-            rows.append(_checked_row(line.split(), rows, _UNITS[options.unit], where))
+            cells = line.split()
+            if triangle and len(cells) == _TRIANGLE:
+                cells = [*cells[:5], *cells[3:]]
+            rows.append(_checked_row(cells, rows, options, where))
             numbers.append(number)
+            body.append(" ".join(cells))
     if options is None or not rows:
         raise BadInput(f"{name}: a Touchstone file without {'option line' if options is None else 'data'}")
     if frequencies is not None and frequencies != len(rows):
@@ -223,8 +271,9 @@ def _checked(text: str, name: str) -> _File:
     return _File(options, version, _PORTS[len(rows[0])], comments, body, numbers)
 
 
-def _checked_row(cells: list[str], before: list[list[str]], unit_hz: float, where: str) -> list[str]:
-    """The cells of a row, as many as those of the rows before it, numbers all, and at no lower frequency."""
+def _checked_row(cells: list[str], before: list[list[str]], options: _Options, where: str) -> list[str]:
+    """The cells of a row, as many as those of the rows before it, numbers all, magnitudes not below 0, and at no lower frequency."""
+    unit_hz = _UNITS[options.unit]
     length = len(before[0]) if before else len(cells)
     if length not in _PORTS:
         raise BadInput(f"{where}: {length} values where a frequency and two numbers (one port) or eight (two ports) are needed")
@@ -236,6 +285,9 @@ def _checked_row(cells: list[str], before: list[list[str]], unit_hz: float, wher
     if len(cells) != length:
         raise BadInput(f"{where}: {len(cells)} values where {length} are needed; the row or the file is cut off")
     check_order(frequency, last, where)
+    for magnitude in numbers[1::2] if options.style == "MA" else ():
+        if magnitude < 0:
+            raise BadInput(f"{where}: the magnitude {magnitude:g} is below 0; write DB in the option line, in place of MA, if it is in decibels")
     return cells
 
 
@@ -263,6 +315,29 @@ def _between_ports(frequency: FloatArray, s: ComplexArray, z0: ComplexArray, fix
         raise BadInput(f"{name}: S21 at {frequency[point]:g} Hz gives no finite impedance of a {fixture} fixture; was it measured?")
     at = f", Z0 = {reference[0].real:g} Ohm" if reference.size else ""
     return impedance, f"S21 of a {fixture} fixture, {formula}{at}"
+
+
+def _refuse_other_fixture(s: ComplexArray, fixture: str, name: str) -> None:
+    """Raise `BadInput` if S11 says that the motor was connected otherwise than stated; zeros are not measured and say nothing.
+
+    In series between two ports S11 = 1 - S21, across the line S11 = S21 - 1.
+    """
+    reflected, lost = s[:, 0, 0], 1 - s[:, 1, 0]
+    if not reflected.any() or not s[:, 1, 0].any():
+        return
+    size, *misfits = (float(np.sqrt(np.mean(np.abs(one) ** 2))) for one in (lost, reflected - lost, reflected + lost))
+    fits = dict(zip(_BETWEEN_PORTS, misfits, strict=True))
+    best = min(fits, key=lambda one: fits[one])
+    leaks_only = bool(np.abs(s[:, 1, 0]).max() < _LEAKAGE)
+    if leaks_only and fixture in fits and fits[best] > _UNLIKE * size:
+        raise BadInput(
+            f"{name}: S21 is below {_LEAKAGE:g} everywhere, and S11 is not that of a motor between two ports: use --fixture reflection if the "
+            "motor was at port 1 alone (if S11 was not calibrated, write zeros for it)"
+        )
+    decided = _FAR_BETTER * fits[best] < max(fits.values())
+    if decided and best != fixture and (fixture in fits or not leaks_only):
+        formula = "1 - S21" if best == "series-through" else "S21 - 1"
+        raise BadInput(f"{name}: S11 is {formula}, as of a {best} fixture, but it was given as {fixture}: use --fixture {best}")
 
 
 def parse_two_port(text: str, name: str) -> tuple[FloatArray, ComplexArray]:
@@ -315,24 +390,30 @@ def _by_library(file: _File, name: str) -> tuple[FloatArray, ComplexArray, Compl
     return np.asarray(network.f, dtype=np.float64), s, z0
 
 
-def _scale(comments: list[str], frequency: FloatArray, standard: ComplexArray, reference: float, name: str) -> tuple[Scale, str]:
-    for comment in comments:
+def _scale(file: _File, frequency: FloatArray, standard: ComplexArray, name: str) -> tuple[Literal["normalised", "plain"], str]:
+    """Whether Z or Y data are normalised, and why; `standard` is the impedance in ohm if they are."""
+    for comment in file.comments:
         if _PLAIN.search(comment):
-            return "ohm", "as its comment says"
+            return "plain", "as its comment says"
         if _NORMALISED.search(comment):
             return "normalised", "as its comment says"
+    options = file.options
+    plain = f"'! in {_PLAIN_UNIT[options.parameter]}'"
     capacitive = standard.imag < 0
     if not capacitive.any():
-        return "normalised", "as the standard says; check the magnitude"
+        return (
+            "normalised",
+            f"as the standard says; check the magnitude, and add a comment line {plain} if it is {options.reference:g} times too high",
+        )
     capacitance = float(np.median(-1 / (2 * np.pi * frequency[capacitive] * standard.imag[capacitive])))
     impossible, likely = _INSULATION_F if capacitive[0] else _WINDING_F
     if capacitance >= likely:
         return "normalised", "as the standard says"
     if capacitance < impossible:
-        return "ohm", f"if they were normalised, the motor would have {1e12 * capacitance:.2g} pF"
+        return "plain", f"if they were normalised, the motor would have {1e12 * capacitance:.2g} pF"
     raise BadInput(
-        f"{name}: its values could be normalised to {reference:g} Ohm, as the standard says, or in ohm; "
-        "add a comment line '! normalised' or '! in ohm'"
+        f"{name}: its values could be normalised to {options.reference:g} Ohm, as the standard says, or in {_PLAIN_UNIT[options.parameter]}; "
+        f"add a comment line '! normalised' or {plain}"
     )
 
 
