@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import copy
 import io
+import re
 import sys
 from collections.abc import Callable, Iterator
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from motoremi.cli import bench as cli_bench
 from motoremi.cli import main
 from motoremi.data.session import Session, SessionWriter, load, reopen, verify
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.report.gaps import of_the_run
 from motoremi.run.answer import Answer
 from motoremi.run.on_bench import on_bench
 from motoremi.run.rehearsal import rehearse
@@ -25,6 +28,7 @@ from motoremi.run.resume import Done, needed_again
 from motoremi.run.runner import resumable, run, start_document
 from motoremi.schema.bench_file import BenchFile, load_bench_file
 from motoremi.schema.procedure import Procedure, parse_procedure
+from motoremi.schema.procedure_tables import InstrumentSpec
 from motoremi.virtual.faults import FaultLayer
 from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.virtual.simulated_device import SimulatedDevice
@@ -404,6 +408,73 @@ def test_a_bench_file_brings_its_instruments_and_limits(tmp_path: Path) -> None:
     assert rerun(session, tmp_path / "again", lambda: lambda *_: None).same
     with pytest.raises(BadInput, match=r"step 4 \(supply\): 15 V is more than this bench allows \(14 V\)"):
         on_bench(changed(lambda data: data["steps"][3].update(voltage="15 V")), bench_file)
+
+
+def interrupted(folder: Path, bench: SimulatedBench) -> Session:
+    """A run that Ctrl-C stops at its first spectrum with the supply on."""
+
+    def stop(document: JsonDict) -> None:
+        if document.get("file") == "spectra/peak-1.csv":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        measure(folder, bench, listener=stop)
+    return load(folder)
+
+
+def test_a_resumed_run_keeps_the_limits_of_its_bench_file(tmp_path: Path, bench: SimulatedBench) -> None:
+    session = interrupted(tmp_path / "s", bench)
+    low = BENCH_FILE.model_copy(update={"highest_voltage": 6.0})
+    with pytest.raises(BadInput, match=r"step 4 \(supply\): 12 V is more than this bench allows \(6 V\)"):
+        resumable(session, low)
+    weak = BENCH_FILE.model_copy(update={"highest_current": 0.1})
+    with pytest.raises(BadInput, match=r"step 4 \(supply\): 2 A is more than this bench allows \(100 mA\)"):
+        resumable(session, weak)
+
+
+def test_a_resumed_run_uses_the_instruments_of_its_bench_file_and_records_them(tmp_path: Path, bench: SimulatedBench) -> None:
+    session = interrupted(tmp_path / "s", bench)
+    supply = InstrumentSpec.model_validate({**WARM.source["instruments"]["supply"], "resource": "ASRL/dev/ttyUSB9::INSTR", "channel": 3})
+    other = SimulatedBench(SEED)
+    procedure, done = resumable(session, BENCH_FILE.model_copy(update={"instruments": {"supply": supply}, "operator": "Bert"}))
+    assert (procedure.instruments["supply"].resource, procedure.instruments["supply"].channel) == ("ASRL/dev/ttyUSB9::INSTR", 3)
+    run(procedure, other, reopen(tmp_path / "s"), analyse=lambda *_: None, prompt=lambda text: None, done=done)
+    other.close()
+    session = load(tmp_path / "s")
+    resume = of_kind(session, "resume")[0]
+    assert (resume["operator"], resume["procedure"]["instruments"]["supply"]["channel"]) == ("Bert", 3)
+    supplies = [document for document in of_kind(session, "instrument") if document["role"] == "supply"]
+    assert [document["settings"]["channel"] for document in supplies] == [2, 3]
+    for number in range(2):
+        # The replay resumes with the changed instruments as well, and its own record can be replayed.
+        result = rerun(session, tmp_path / f"again{number}", lambda: lambda *_: None)
+        assert result.same
+        session = load(result.path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        ({"motor": "M2"}, "s was begun with motor 'M1', but 'M2' is stated now; connect and state that motor, or begin a new session"),
+        ({"motor": "M1", "serial": "2"}, "s was begun with the motor with serial number '1', but '2' is stated now; connect and state that motor"),
+    ],
+)
+def test_a_run_is_not_resumed_with_another_motor(tmp_path: Path, bench: SimulatedBench, stated: dict[str, str], message: str) -> None:
+    first = BENCH_FILE.model_copy(update={"motor": "M1", "serial": "1", "operator": "Anna"})
+    writer = SessionWriter.create(tmp_path / "s", start_document(WARM, first))
+    writer.close("interrupted", "by the test")
+    with pytest.raises(BadInput, match=re.escape(message)):
+        resumable(load(tmp_path / "s"), BENCH_FILE.model_copy(update=stated))
+    # A bench file that says nothing of the motor is no contradiction; who goes on is recorded.
+    own = BENCH_FILE.model_copy(update={"operator": "Bert", "calibrated": {"analyser": date(2026, 5, 1)}})
+    procedure, done = resumable(load(tmp_path / "s"), own)
+    run(procedure, bench, reopen(tmp_path / "s"), analyse=lambda *_: None, prompt=lambda text: None, done=done)
+    session = load(tmp_path / "s")
+    resume = of_kind(session, "resume")[0]
+    assert (resume["operator"], resume["calibrated"]) == ("Bert", {"analyser": "2026-05-01"})
+    assert "procedure" not in resume
+    assert "the run was interrupted and resumed later (at step 1 by Bert)" in of_the_run(session)
 
 
 def test_a_supply_refuses_what_it_cannot_deliver_before_anything_is_measured(tmp_path: Path, bench: SimulatedBench) -> None:

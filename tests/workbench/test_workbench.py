@@ -23,7 +23,10 @@ from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted
 from motoremi.data.paths import MANIFEST
 from motoremi.data.session import SessionWriter, load, reopen, verify
 from motoremi.data.text import clean_value
+from motoremi.schema.bench_file import BenchFile
+from motoremi.workbench.bench_view import Asked, Workplace
 from motoremi.workbench.desk import Desk
+from motoremi.workbench.events import Events
 from motoremi.workbench.routes import Workbench
 from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
@@ -500,6 +503,35 @@ def test_a_run_that_hides_something_can_go_on(tmp_path, measuring, seed):
     assert "error" not in client.post(f"/api/sessions/{identifier}/resume", json={**unknown, "seed": 1}).json()
     workbench.place.run.wait()
     assert workbench.place.state()["run"]["status"] == "done"
+
+
+def test_a_motor_that_is_typed_does_not_take_the_serial_number_of_another(tmp_path):
+    place = Workplace(Shelf(tmp_path), Events(), BenchFile(motor="M1", serial="1", operator="Anna"))
+
+    def stated(**typed):
+        bench_file = place._bench(Asked.of({**RUN, "bench": "real", "motor": "", **typed}))
+        return bench_file.motor, bench_file.serial
+
+    assert stated() == stated(motor="M1") == ("M1", "1")
+    assert stated(motor="M2") == ("M2", "")
+    assert stated(motor="M2", serial="2") == ("M2", "2")
+    assert stated(serial="3") == ("M1", "3")
+
+
+def test_motor_and_serial_number_are_kept_with_the_session(tmp_path, measuring):
+    workbench = bench_of(tmp_path)
+    client = client_of(workbench)
+    identifier = client.post("/api/run", json={**RUN, "serial": "17", "ask": True}).json()["session"]
+    client.post("/api/run/stop", json={})
+    workbench.place.run.wait()
+    start = load(workbench.place.run.folder).start
+    assert (start["motor"], start["serial"]) == ("M1", "17")
+    told = client.post(f"/api/sessions/{identifier}/resume", json={**RUN, "motor": "M2"}).json()
+    assert "was begun with motor 'M1', but 'M2' is stated now" in told["error"]
+    assert "error" not in client.post(f"/api/sessions/{identifier}/resume", json={**RUN, "serial": "17", "operator": "Bert"}).json()
+    workbench.place.run.wait()
+    resumed = next(document for document in load(workbench.place.run.folder).documents if document["kind"] == "resume")
+    assert (resumed["motor"], resumed["serial"], resumed["operator"]) == ("M1", "17", "Bert")
 
 
 def test_not_done_ends_the_run_and_is_no_data(tmp_path):

@@ -319,6 +319,8 @@ def tell(document: JsonDict) -> None:
         say(f"[{document['step']}/{document['of']}] {document['do']} {detail}".rstrip() + again)
     elif kind == "resume":
         say(f"continuing at step {document['step']}" + (f", of which {document['stored']} are stored" if document["stored"] else ""))
+        if "procedure" in document:
+            say("  with the instruments of the bench file, which are not those of the run so far")
     elif kind == "verdict":
         _tell_verdict(document)
     elif kind == "doubt":

@@ -61,7 +61,7 @@ def of_the_run(session: Session) -> list[str]:
     if session.status != "done" and not being_written(session):
         reason = next((str(d["reason"]) for d in reversed(session.documents) if d["kind"] == "stop" and d.get("reason")), "no stop document")
         found.append(f"the run did not end normally ({session.status}): {reason}")
-    again = [str(d.get("step")) for d in session.documents if d["kind"] == "resume"]
+    again = [_resumption(d, session.start.get("operator")) for d in session.documents if d["kind"] == "resume"]
     if again:
         found.append(f"the run was interrupted and resumed later (at step {', '.join(again)})")
     steps = planned_steps(session)
@@ -75,6 +75,12 @@ def of_the_run(session: Session) -> list[str]:
     found += [f"{d.get('role')} could not be brought into its safe state: {d.get('problem')}" for d in unsafe]
     found += [f"{file}: {mark}" for file, state in states_of(session.documents) for mark in marks_of(state)]
     return found
+
+
+def _resumption(document: JsonDict, began: object) -> str:
+    """The step at which a run was resumed, and by whom if another person began it."""
+    by = document.get("operator")
+    return f"{document.get('step')}" + (f" by {by}" if by and by != began else "")
 
 
 def _of_the_import(session: Session) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from motoremi.run.answer import ANSWERS, Answer, Prompt
 from motoremi.run.execution import Analyse
 from motoremi.run.rerun_requested import before_investigations, rerun_requested
 from motoremi.run.resume import Done
-from motoremi.run.runner import Outcome, done_by, run
+from motoremi.run.runner import Outcome, done_by, run, source_at
 from motoremi.run.writer import Writer
 from motoremi.schema.procedure import parse_procedure
 
@@ -26,6 +26,8 @@ MEASURED = ("sweep", "spectrum", "final", "standard")
 # A driver that calibrates computes the impedance from what the instrument sent, with libraries that choose their instructions by processor: the
 # last digits may differ from those recorded on another (by 4e-14 of the value where it was seen). No instrument has nine digits.
 ROUNDING = 1e-9
+# What a resumption states besides its steps.
+RESUMED = ("motor", "serial", "operator", "ambient", "calibrated", "procedure")
 _KEPT = ("title", "procedure", "operator", "backend", "simulated", "simulated_sha256", "calibrated", "corrections")
 
 
@@ -106,12 +108,12 @@ def rerun(
     """
     if "procedure" not in session.start:
         raise BadInput(f"{session.path.name} was imported, not measured: there is no traffic to replay")
-    procedure = parse_procedure(session.start["procedure"], session.path.name)
     bench = ReplayBench(session.traffic(), lenient)
     start = {key: session.start[key] for key in _KEPT if key in session.start}
     writer = SessionWriter.create(folder, {**start, "replay_of": session.path.name})
     ended, outcome = "done", None
-    for done, recorded_stop, from_outside, answers, until in _runs(session):
+    for source, done, recorded_stop, from_outside, answers, until in _runs(session):
+        procedure = parse_procedure(source, session.path.name)
         bench.begin_run(until)
         if done is not None:
             writer = reopen(folder)
@@ -158,9 +160,9 @@ def _answering(answers: list[Answer]) -> Prompt:
     return prompt
 
 
-def _runs(session: Session) -> Iterable[tuple[Done | None, str, bool, list[Answer], datetime | None]]:
-    """Each run of the session: what was done before it, why it stopped (empty if it was completed), whether that was a kill or Ctrl-C,
-    the operator's answers, and when the next run began.
+def _runs(session: Session) -> Iterable[tuple[JsonDict, Done | None, str, bool, list[Answer], datetime | None]]:
+    """Each run of the session: its procedure, what was done before it, why it stopped (empty if it was completed), whether that was a kill
+    or Ctrl-C, the operator's answers, and when the next run began.
     """
     documents = before_investigations(session.documents)
     starts = [i for i, d in enumerate(documents) if d["kind"] == "resume"]
@@ -173,7 +175,11 @@ def _runs(session: Session) -> Iterable[tuple[Done | None, str, bool, list[Answe
         answers = [d["answer"] for d in documents[first:end] if d["kind"] == "prompt" and d["answer"] in ANSWERS]
         from_outside = stop is None or stop["status"] == "interrupted"
         until = datetime.fromisoformat(session.documents[end]["time"]) if end < len(session.documents) else None
-        yield (done_by(session, session.documents[:first]) if first else None), reason, from_outside, answers, until
+        done: Done | None = None
+        if first:
+            resumed = {key: value for key, value in documents[first].items() if key in RESUMED}
+            done = replace(done_by(session, session.documents[:first]), resumed=resumed)
+        yield source_at(documents[: first + 1]), done, reason, from_outside, answers, until
 
 
 def _compared(session: Session, again: Session) -> tuple[int, tuple[str, ...], tuple[str, ...]]:

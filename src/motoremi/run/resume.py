@@ -32,6 +32,8 @@ class Done:
         Results of the judging steps.
     left_on : bool
         Whether a supply was connected and not confirmed to be off, because the run was killed.
+    resumed : mapping
+        What the document of the resumption states besides the steps: who resumes, and the procedure if the bench has changed.
     """
 
     steps: int = 0
@@ -41,6 +43,7 @@ class Done:
     identities: Mapping[str, JsonDict] = field(default_factory=dict)
     verdicts: tuple[JsonDict, ...] = ()
     left_on: bool = False
+    resumed: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, documents: Iterable[Mapping[str, Any]]) -> Done:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 
 from motoremi.arrays import JsonDict
 from motoremi.bench.connect import Bench, VisaBench
 from motoremi.data.session import Session, StorageError
+from motoremi.data.text import clean_text
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.run.answer import NotDone, Prompt
 from motoremi.run.execution import Analyse, Execution
+from motoremi.run.on_bench import on_bench
 from motoremi.run.resume import Done, needed_again
 from motoremi.run.writer import Writer
 from motoremi.schema.bench_file import BenchFile
@@ -72,16 +74,12 @@ def start_document(procedure: Procedure, bench_file: BenchFile) -> JsonDict:
     return {
         "title": procedure.title,
         "procedure": procedure.source,
-        "motor": bench_file.motor,
-        "serial": bench_file.serial,
-        "operator": bench_file.operator,
-        "ambient": bench_file.ambient,
+        **_stated(bench_file),
         "backend": bench_file.backend or "visa",
         **_fingerprint(bench_file),
         **({"simulated": True, "simulated_seed": bench_file.seed} if bench_file.backend == "sim" else {}),
         "remarks": list(procedure.remarks()),
         "corrections": bench_file.corrections.to_list(),
-        "calibrated": {role: day.isoformat() for role, day in bench_file.calibrated.items()},
         "calibration_age_days": {role: (date.today() - day).days for role, day in bench_file.calibrated.items()},
     }
 
@@ -100,12 +98,12 @@ def was_begun_on(session: Session, bench_file: BenchFile) -> bool:
 
 
 def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]:
-    """A session's procedure, and what is done of it already.
+    """A session's procedure with the instruments and limits of the bench file, and what is done of it already.
 
     Raises
     ------
     BadInput
-        If the session has no procedure, is complete, or belongs to another bench.
+        If the session has no procedure, is complete, or belongs to another bench or motor; or if the bench does not allow the procedure.
     """
     name = session.path.name
     if "procedure" not in session.start:
@@ -117,7 +115,44 @@ def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]
         raise BadInput(f"{name} was begun on another bench (backend {session.start.get('backend')!r}); resume it with the same --bench")
     if session.start.get("corrections", []) != bench_file.corrections.to_list():
         raise BadInput(f"{name} was begun with other corrections; resume it with the same bench file, or begin a new session")
-    return parse_procedure(session.start["procedure"], name), done_by(session, session.documents)
+    _refuse_other_motor(session, bench_file)
+    done = done_by(session, session.documents)
+    before = parse_procedure(source_at(session.documents), name)
+    procedure = on_bench(before, bench_file)
+    resumed: JsonDict = {key: value for key, value in _stated(bench_file).items() if value}
+    if procedure.source != before.source:
+        resumed["procedure"] = procedure.source
+    return procedure, replace(done, resumed=resumed)
+
+
+def source_at(documents: Sequence[JsonDict]) -> JsonDict:
+    """Source of the procedure after these documents of a session: as it was begun, or as the last resumption with another bench changed it."""
+    changed = [document["procedure"] for document in documents if document["kind"] == "resume" and "procedure" in document]
+    source: JsonDict = [documents[0]["procedure"], *changed][-1]
+    return source
+
+
+def _stated(bench_file: BenchFile) -> JsonDict:
+    """What a bench file says of the day: motor, people, surroundings and calibrations."""
+    return {
+        "motor": bench_file.motor,
+        "serial": bench_file.serial,
+        "operator": bench_file.operator,
+        "ambient": bench_file.ambient,
+        "calibrated": {role: day.isoformat() for role, day in bench_file.calibrated.items()},
+    }
+
+
+def _refuse_other_motor(session: Session, bench_file: BenchFile) -> None:
+    """Raise `BadInput` if motor or serial number is stated, and is not the one that the session states."""
+    for key, what in (("motor", "motor"), ("serial", "the motor with serial number")):
+        stated = [str(document[key]) for document in session.documents if document["kind"] in ("start", "resume") and document.get(key)]
+        now = getattr(bench_file, key)
+        if now and stated and now != stated[0]:
+            raise BadInput(
+                f"{session.path.name} was begun with {what} {clean_text(stated[0])!r}, but {clean_text(now)!r} is stated now; "
+                "connect and state that motor, or begin a new session"
+            )
 
 
 def done_by(session: Session, documents: Sequence[JsonDict]) -> Done:
@@ -179,7 +214,7 @@ def run(
         again: set[int] = set()
         if done is not None:
             again = needed_again(plan, done)
-            writer.emit("resume", step=done.steps + 1, stored=done.stored, again=sorted(again))
+            writer.emit("resume", step=done.steps + 1, stored=done.stored, again=sorted(again), **done.resumed)
         left = [planned for planned in plan if planned.number > state.done.steps or planned.number in again]
         try:
             for planned in left:

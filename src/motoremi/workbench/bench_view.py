@@ -44,7 +44,7 @@ class Asked:
     procedure : str
         One of the built-in procedures.
     bench : {"simulated", "real"}
-    motor, operator : str
+    motor, serial, operator : str
     seed : int
         Simulated bench: the number of the motor.
     hides : str
@@ -56,6 +56,7 @@ class Asked:
     procedure: str
     bench: str
     motor: str
+    serial: str
     operator: str
     seed: int
     hides: str
@@ -64,7 +65,7 @@ class Asked:
     @classmethod
     def of(cls, body: Mapping[str, Any]) -> Asked:
         """Check the request of a page."""
-        texts = {key: body.get(key, "") for key in ("procedure", "bench", "motor", "operator", "hides")}
+        texts = {key: body.get(key, "") for key in ("procedure", "bench", "motor", "serial", "operator", "hides")}
         for key, text in texts.items():
             if not isinstance(text, str) or len(text) > LONGEST_NAME:
                 raise BadInput(f"{key} must be text of at most {LONGEST_NAME} characters")
@@ -139,8 +140,6 @@ class Workplace:
         procedure = on_bench(load_procedure(asked.procedure), bench_file)
         folder = self._shelf.fresh("run")
         start = start_document(procedure, bench_file)
-        if asked.motor:
-            start["motor"] = asked.motor
         return self._start(procedure, bench_file, folder, lambda: SessionWriter.create(folder, start), asked.ask, None)
 
     def resume(self, identifier: str, asked: Asked) -> JsonDict:
@@ -241,7 +240,7 @@ class Workplace:
     def _bench(self, asked: Asked) -> BenchFile:
         if asked.bench == REAL:
             real = self._real()
-            return real.model_copy(update={"operator": asked.operator or real.operator})
+            return real.model_copy(update={"operator": asked.operator or real.operator, **_motor_of(asked, real)})
         if asked.bench != SIMULATED:
             raise BadInput("choose the simulated or the real bench")
         hidden = {"nothing": (), "something": (secrets.choice(DEMO_EFFECTS),)}.get(asked.hides)
@@ -249,7 +248,13 @@ class Workplace:
             if asked.hides not in DEMO_EFFECTS:
                 raise BadInput(f"the simulated motor can hide one of {', '.join(DEMO_EFFECTS)}")
             hidden = (asked.hides,)
-        return BenchFile(backend="sim", operator=asked.operator, seed=asked.seed, effects=hidden)
+        return BenchFile(backend="sim", motor=asked.motor, serial=asked.serial, operator=asked.operator, seed=asked.seed, effects=hidden)
+
+
+def _motor_of(asked: Asked, bench_file: BenchFile) -> dict[str, str]:
+    """Motor and serial number of a run: as typed, else those of the bench file, whose serial number belongs to its own motor only."""
+    is_another = bool(asked.motor) and asked.motor != bench_file.motor
+    return {"motor": asked.motor or bench_file.motor, "serial": asked.serial or ("" if is_another else bench_file.serial)}
 
 
 def _procedure(name: str) -> JsonDict:

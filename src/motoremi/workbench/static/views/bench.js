@@ -30,7 +30,7 @@ export const bench = {
 
 function form(place) {
   const { data, page } = place;
-  const kept = JSON.parse(sessionStorage.getItem(FORM)) ?? { procedure: "full_motor_test", bench: data.real ? "real" : "simulated", motor: "", operator: data.operator, seed: 1, hides: "something", ask: false };
+  const kept = JSON.parse(sessionStorage.getItem(FORM)) ?? { procedure: "full_motor_test", bench: data.real ? "real" : "simulated", motor: "", serial: "", operator: data.operator, seed: 1, hides: "something", ask: false };
   const resume = page.resume;
   page.resume = null;
   const field = (name, input) => { input.id = `bench-${name}`; input.addEventListener("change", () => { kept[name] = input.type === "checkbox" ? input.checked : input.type === "number" ? Number(input.value) : input.value; update(); }); return input; };
@@ -60,7 +60,8 @@ function form(place) {
       h("span", {}, label("Procedure", "procedure"), " ", term("procedure", "?")), select("procedure", Object.fromEntries(data.procedures.map((one) => [one.name, `${one.name}: ${one.title}`]))),
       steps,
       h("span", {}, label("Bench", "bench"), " ", term("bench", "?")), select("bench", { simulated: "simulated instruments and motor", ...(data.real ? { real: "the instruments of the bench file" } : {}) }),
-      label("Motor", "motor"), field("motor", h("input", { type: "text", maxlength: 200, value: kept.motor, placeholder: "type and serial number" })),
+      label("Motor", "motor"), field("motor", h("input", { type: "text", maxlength: 200, value: kept.motor, placeholder: "type" })),
+      label("Serial number", "serial"), field("serial", h("input", { type: "text", maxlength: 200, value: kept.serial ?? "" })),
       h("span", {}, label("Operator", "operator"), " ", term("operator", "?")), field("operator", h("input", { type: "text", maxlength: 200, value: kept.operator })),
       only(h("span", {}, label("Number of the motor", "seed"), " ", term("seed", "?"))), only(field("seed", h("input", { type: "number", min: 0, step: 1, value: kept.seed }))),
       only(label("The motor hides", "hides")), only(select("hides", hidden)),
