@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
@@ -76,6 +78,36 @@ def test_two_scans_of_one_detector_are_one():
     ] * 2
 
 
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("part", [AXIS, AXIS[(AXIS > 400e3) & (AXIS < 900e3)]])
+def test_a_repeat_that_reads_less_does_not_cancel_a_peak(first, part):
+    """At 600 kHz the limits are 56 dBuV (quasi-peak) and 46 dBuV (average)."""
+    scans = [with_level(flat("peak", 16, line="L1"), 60, 599e3, 601e3), flat("peak", 16, part, line="L1")]
+    found = verdict(scans if first else scans[::-1])
+    assert found.verdict == "marginal"
+    assert found.reasons == tuple(
+        f"line L1: {line}: peak is not below that limit by the guard band at 597.8 kHz - 602.2 kHz; measure {line} there"
+        for line in ("quasi-peak", "average")
+    )
+
+
+def test_another_detector_below_the_limit_decides_where_every_peak_scan_is_above_it():
+    scans = [with_level(flat("peak", 16), 60, 599e3, 601e3), flat("peak", 16), flat("quasi-peak", 30), flat("average", 20)]
+    assert verdict(scans) == Compliance("pass", ())
+
+
+def test_a_repeat_with_the_right_bandwidth_replaces_one_that_reads_too_high():
+    assert verdict([flat("peak", 60, resolution_bandwidth_hz=120e3), flat("peak", 30)]).verdict == "pass"
+
+
+def test_a_long_scan_that_crosses_the_limit_at_every_point_is_judged_quickly():
+    axis = np.linspace(150e3, 30e6, 100_001)
+    zigzag = Spectrum("peak", axis, np.where(np.arange(axis.size) % 2, 80.0, 20.0))
+    begin = time.perf_counter()
+    assert verdict([zigzag, zigzag]).verdict == "marginal"
+    assert time.perf_counter() - begin < 20
+
+
 def test_a_gap_inside_a_spectrum_is_not_measured():
     axis = AXIS[(AXIS < 1e6) | (AXIS > 5e6)]
     found = verdict([flat("quasi-peak", 40, axis), flat("average", 30, axis)])
@@ -87,6 +119,18 @@ def test_overloaded_readings_leave_the_verdict_open():
     found = verdict([flat("quasi-peak", 40, overload=overload), flat("average", 30)])
     assert found.verdict == "marginal"
     assert found.reasons == ("quasi-peak: the receiver was overloaded at 201.8 kHz - 20 MHz",)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_clean_repeat_does_not_cancel_an_overloaded_scan_above_the_limit(first):
+    loud = Spectrum("quasi-peak", AXIS, np.where(AXIS < 1e6, 70, 16), overload=AXIS < 1e6)
+    found = verdict([loud, flat("quasi-peak", 16)] if first else [flat("quasi-peak", 16), loud])
+    assert found.verdict == "marginal"
+    assert found.reasons[0].startswith("quasi-peak: a scan reads up to 70.0 with the receiver overloaded at 150 kHz - 998.2 kHz")
+
+
+def test_a_clean_repeat_replaces_an_overloaded_scan_below_the_limit():
+    assert verdict([flat("quasi-peak", 20, overload=AXIS < 1e6), flat("quasi-peak", 16)]) == Compliance("pass", ())
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,12 @@
 
 A pass needs, on every line of the LISN and in every operating state that was measured, levels below each limit line wherever there are scans. Where
 there are final values, a maximum of the scans above the limit needs one. If that is not shown, the verdict is marginal at best. It is on the part
-of the limit's span that was measured; what was not is told with it.
+of the limit's span that was measured; what was not is told with it. Where scans were repeated, the highest reading of a detector counts.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -93,7 +94,7 @@ def _on_line(
     if not measured:
         return None, f"{line.detector}: not measured"
     final = [spectrum for spectrum in finals if line_for(limit, spectrum.detector) is line]
-    left = _not_valid([*exact, *higher], line, measured)
+    left = _not_valid([*exact, *higher], line, measured) or _overloaded(exact, line, measured, guard_db)
     if not left:
         left = _not_read_again([*exact, *higher], final, line) if final else _not_below(exact, higher, line, measured, guard_db)
     verdict: Verdict | None = worst.verdict if worst is not None and worst.verdict != "pass" else None if left else "pass"
@@ -112,10 +113,32 @@ def _not_valid(speaking: Sequence[Spectrum], line: LimitLine, measured: Sequence
     return f"{line.detector}: {why} at {_listed(left)}"
 
 
+def _overloaded(exact: Sequence[Spectrum], line: LimitLine, measured: Sequence[Span], guard_db: float) -> str:
+    """Where a limit's own detector was not below it while the receiver was overloaded; empty if that is nowhere.
+
+    Another scan that reads less does not settle that: the disturbance may have been there in the first one only.
+    """
+    too_high = [(one, one.overload & ~_below(one, line, guard_db)) for one in exact]
+    spans = [span for one, points in too_high for span in _around(one, points)]
+    where = _without(measured, _without(measured, spans))
+    if not where:
+        return ""
+    highest = max(float(one.level_dbuv[points].max()) for one, points in too_high if points.any())
+    return (
+        f"{line.detector}: a scan reads up to {highest:.1f} with the receiver overloaded at {_listed(where)}, which a scan that reads "
+        "less does not settle: measure all of it again with more attenuation in a new session"
+    )
+
+
 def _not_below(exact: Sequence[Spectrum], higher: Sequence[Spectrum], line: LimitLine, measured: Sequence[Span], guard_db: float) -> str:
     """Where levels of a detector that reads higher are not below a limit line and its own detector was not used; empty if that is nowhere."""
     spans = [span for one in exact for span in _around(one, _valid(one))]
-    spans += [span for one in higher for span in _around(one, _valid(one) & _below(one, line, guard_db))]
+    for detector in dict.fromkeys(one.detector for one in higher):
+        own = [(one, _below(one, line, guard_db)) for one in higher if one.detector == detector]
+        below = [span for one, points in own for span in _around(one, _valid(one) & points)]
+        # A bandwidth that reads too high does not contradict the right one.
+        above = [span for one, points in own for span in _around(one, ~points & ~_reads(one, low=False))]
+        spans += _without(_joined(below), above)
     left = _without(measured, spans)
     if not left:
         return ""
@@ -148,7 +171,12 @@ def _left_out(spectra: Sequence[Spectrum]) -> Iterable[str]:
 
 def _valid(spectrum: Spectrum) -> BoolArray:
     """Points that show what a detector reads: not overloaded, and not in a bandwidth that reads too low."""
-    return ~spectrum.overload & ~misread(spectrum.frequency_hz, spectrum.resolution_bandwidth_hz, low=True)
+    return ~spectrum.overload & ~_reads(spectrum, low=True)
+
+
+def _reads(spectrum: Spectrum, low: bool) -> BoolArray:
+    """Points that the bandwidth reads too low, or too high."""
+    return misread(spectrum.frequency_hz, spectrum.resolution_bandwidth_hz, low)
 
 
 def _below(spectrum: Spectrum, line: LimitLine, guard_db: float) -> BoolArray:
@@ -173,27 +201,32 @@ def _around(spectrum: Spectrum, usable: BoolArray) -> list[Span]:
 def _without(segments: Sequence[Span], spans: Sequence[Span]) -> list[Span]:
     """What of the segments no span covers."""
     left: list[Span] = []
-    ordered = sorted(spans)
+    ordered = _joined(spans)
+    starts = [begin for begin, _ in ordered]
     for low, high in segments:
         at = low
-        for begin, end in ordered:
-            if begin > at * (1 + 1e-9) and at < high:
-                left.append((at, min(begin, high)))
+        for begin, end in ordered[max(bisect_right(starts, low) - 1, 0) : bisect_right(starts, high)]:
+            if begin > at * (1 + 1e-9):
+                left.append((at, begin))
             at = max(at, end)
-            if at >= high:
-                break
         if at < high * (1 - 1e-9):
             left.append((at, high))
     return left
 
 
-def _listed(spans: Sequence[Span]) -> str:
-    """Spans as text, those that touch each other as one."""
+def _joined(spans: Sequence[Span]) -> list[Span]:
+    """The same spans in order, those that touch or overlap each other as one."""
     joined: list[Span] = []
-    for low, high in spans:
+    for low, high in sorted(spans):
         if joined and low <= joined[-1][1] * (1 + 1e-9):
-            joined[-1] = joined[-1][0], high
+            joined[-1] = joined[-1][0], max(joined[-1][1], high)
         else:
             joined.append((low, high))
+    return joined
+
+
+def _listed(spans: Sequence[Span]) -> str:
+    """Spans as text."""
+    joined = _joined(spans)
     more = f" and {len(joined) - LISTED} more spans" if len(joined) > LISTED else ""
     return ", ".join(show_band(*span) for span in joined[:LISTED]) + more
