@@ -354,6 +354,48 @@ def test_changed_line_is_found_without_a_manifest(session: Path) -> None:
             load(session)
 
 
+def test_a_number_is_not_used_again_after_its_file_was_removed(session: Path) -> None:
+    with reopen(session) as writer:
+        (session / "sweeps" / "short-2.csv").unlink()
+        assert writer.add_sweep(sweep(gain=1.02)).name == "short-3.csv"
+    assert verify(session) == ["sweeps/short-2.csv: is missing"]
+    # The manifest lists the files that were there when the session was closed, so the documents are compared as well.
+    with pytest.raises(BadInput, match="is missing"):
+        reopen(session)
+
+
+def test_a_measured_file_that_a_later_document_replaces_is_found(session: Path) -> None:
+    """As former versions wrote it when somebody removed the folder of the sweeps during the run."""
+    with reopen(session) as writer:
+        (session / "sweeps" / "short-1.csv").unlink()
+        writer._documented.clear()
+        assert writer.add_sweep(sweep(gain=1.02)).name == "short-1.csv"
+    assert verify(session) == ["sweeps/short-1.csv: was changed", "sweeps/short-1.csv: was replaced, 2 documents name it"]
+    with pytest.raises(BadInput, match="was changed after it was stored"):
+        load(session)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="an open folder cannot be moved there")
+@pytest.mark.parametrize("remove", [False, True])
+def test_a_folder_that_is_moved_or_removed_ends_the_recording(tmp_path: Path, remove: bool) -> None:
+    folder, moved = tmp_path / "s", tmp_path / "moved"
+    writer = SessionWriter.create(folder, {"motor": "A17"})
+    writer.log_traffic({"write": "*IDN?"})
+    writer.add_sweep(sweep())
+    shutil.rmtree(folder) if remove else folder.rename(moved)
+    writer.log_traffic({"read": "4294A"})
+    with pytest.raises(StorageError, match="the session's folder was moved or removed while it was written"):
+        writer.add_sweep(sweep(gain=1.01))
+    with pytest.raises(StorageError, match="moved or removed"):
+        writer.close("failed", "by the test")
+    assert not folder.exists()
+    if not remove:
+        # Everything that was recorded, and why it ended, is where the folder is now.
+        found = load(moved)
+        assert (len(found.sweeps), len(found.traffic()), found.status) == (1, 2, "failed")
+        assert all("interrupted" in problem for problem in verify(moved))
+
+
 @pytest.mark.parametrize("manifest", [True, False])
 def test_changed_sweep_is_not_loaded(session: Path, manifest: bool) -> None:
     path = session / "sweeps" / "short-1.csv"

@@ -145,3 +145,28 @@ def test_the_kernel_refusing_a_write_is_one_line_and_exit_2(tmp_path: Path) -> N
     assert done.stderr.count("\n") == 1
     assert done.stderr.endswith("bytes could be written; what was stored before is kept\n")
     assert not [p for p in verify(tmp_path / "s") if "interrupted" not in p and "not finished" not in p]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="an open folder cannot be moved there")
+def test_a_session_folder_that_is_moved_stops_the_run_and_can_go_on_where_it_is(tmp_path: Path) -> None:
+    bench = SimulatedBench(SEED)
+    writer = SessionWriter.create(tmp_path / "s", start_document(small(), BENCH_FILE))
+
+    def move(document: dict[str, Any]) -> None:
+        if document.get("file") == "sweeps/short-2.csv":
+            (tmp_path / "s").rename(tmp_path / "moved")
+
+    writer.subscribe(move)
+    with pytest.raises(StorageError, match="the session's folder was moved or removed while it was written") as caught:
+        run(small(), bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+    assert caught.value.exit_status == 2
+    assert not (tmp_path / "s").exists()
+    assert bench.devices["analyser"].value("level") == 0.005
+    session = load(tmp_path / "moved")
+    assert [document["safe"] for document in session.documents if document["kind"] == "safe"]
+    assert (session.status, len(session.sweeps)) == ("failed", 2)
+    procedure, done = resumable(session, BENCH_FILE)
+    run(procedure, bench, reopen(tmp_path / "moved"), analyse=lambda *_: None, prompt=lambda text: None, done=done)
+    bench.close()
+    assert verify(tmp_path / "moved") == []
+    assert len(load(tmp_path / "moved").sweeps) == 6

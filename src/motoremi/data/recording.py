@@ -6,7 +6,7 @@ import importlib.metadata
 import os
 import re
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -24,7 +24,7 @@ from motoremi.data.storage import PENDING_SUFFIX, AppendFile, StorageError, as_s
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import show_name
-from motoremi.data.verify import inspect_session
+from motoremi.data.verify import inspect_session, vouched_sha256
 from motoremi.errors import BadInput
 from motoremi.interrupts import unbroken
 
@@ -44,8 +44,12 @@ class SessionWriter:
 
     path: Path
 
-    def __init__(self, path: Path, log: AppendFile, seq: int, previous_sha256: str, simulated: bool = False) -> None:
+    def __init__(
+        self, path: Path, log: AppendFile, seq: int, previous_sha256: str, simulated: bool = False, documented: Iterable[str] = ()
+    ) -> None:
         self.path = path
+        # Every file that a document names. Numbers of measured files are not used again, even if the file was removed.
+        self._documented = set(documented)
         # Written into every measured file, so that a copy of it is still marked as simulated.
         self._mark: JsonDict = {"simulated": True} if simulated else {}
         self.log = log
@@ -206,6 +210,7 @@ class SessionWriter:
         with self._turn:
             self._must_be_open()
             if self.traffic_log is None:
+                self._must_be_in_place()
                 self.traffic_log = AppendFile(inside(self.path, TRAFFIC), new=False)
             self.traffic_log.append(to_line(record), sync=False)
 
@@ -240,6 +245,7 @@ class SessionWriter:
             self._sync_traffic()
             has_stop = self._ended and status == "done"
             document = None if has_stop else self._append("stop", {"status": status, "reason": clean_text(reason)})
+            self._must_be_in_place()
             with as_storage_error(self.path / MANIFEST):
                 files, _ = list_files(self.path)
                 records = {name: record_file(self.path / name) for name in files}
@@ -256,6 +262,14 @@ class SessionWriter:
         if self._closed:
             raise StorageError(f"{self.path}: the session is closed; reopen it to add to it")
 
+    def _must_be_in_place(self) -> None:
+        # Documents and traffic go to open files, which stay those of a folder that was moved. A new file would make a second, broken session.
+        if not self.log.is_in_place():
+            raise StorageError(
+                f"{self.path}: the session's folder was moved or removed while it was written; what was stored before is in the moved folder, "
+                "which motoremi run --resume can continue"
+            )
+
     def _append(self, kind: str, content: Mapping[str, Any]) -> JsonDict:
         self._must_be_open()
         time = datetime.now(UTC).isoformat(timespec="microseconds")
@@ -265,6 +279,8 @@ class SessionWriter:
             self.log.append(line, sync=True)
             self._seq += 1
             self._previous = line_sha256(line)
+            if isinstance(file := document.get("file"), str):
+                self._documented.add(file)
         return document
 
     def _notify(self, document: JsonDict) -> None:
@@ -280,13 +296,14 @@ class SessionWriter:
         with self._turn:
             self._sync_traffic()
             number = 1
-            while inside(self.path, f"{stem}-{number}.csv").exists():
+            while (name := f"{stem}-{number}.csv") in self._documented or inside(self.path, name).exists():
                 number += 1
-            return self._store(kind, f"{stem}-{number}.csv", text.encode(), content)
+            return self._store(kind, name, text.encode(), content)
 
     def _store(self, kind: str, relative: str, data: bytes, content: Mapping[str, Any]) -> Path:
         with self._turn:
             self._must_be_open()
+            self._must_be_in_place()
             target = inside(self.path, relative)
             entry = {"file": relative, "sha256": record_bytes(data).sha256, **content}
             with unbroken():
@@ -337,7 +354,8 @@ def reopen(path: str | os.PathLike[str]) -> SessionWriter:
         _remove_unfinished(folder)
         if chain.torn:
             log.cut(len(data) - len(chain.torn))
-        writer = SessionWriter(folder, log, len(chain.documents), chain.last_sha256, chain.documents[0].get("simulated") is True)
+        is_simulated = chain.documents[0].get("simulated") is True
+        writer = SessionWriter(folder, log, len(chain.documents), chain.last_sha256, is_simulated, vouched_sha256(chain))
         found: JsonDict = {"software": software(), "found": list(findings.interruption)}
         if chain.torn:
             found["unfinished_line"] = chain.torn.decode("ascii", "backslashreplace")

@@ -122,6 +122,13 @@ class AppendFile:
                 self.cut(before)
                 raise
 
+    def is_in_place(self) -> bool:
+        """Whether the file is still found under its path: neither it nor its folder was moved, removed or replaced since it was opened."""
+        try:
+            return os.path.samestat(os.fstat(self._descriptor), os.stat(self.path))
+        except OSError:
+            return False
+
     def cut(self, size: int) -> None:
         """Remove everything after `size` bytes."""
         with as_storage_error(self.path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections import defaultdict
+from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,9 @@ from motoremi.data.storage import PENDING_SUFFIX
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import show_name
 from motoremi.errors import BadInput
+
+# Kinds of documents that name a measured file.
+MEASURED = ("sweep", "spectrum", "final", "standard", "compensation")
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,8 @@ def _inspect(folder: Path) -> Findings:
     counted = len(chain.documents)
     # Documents after those that the manifest counts, even an unfinished one, are an addition that was not closed.
     if manifest is not None and (counted < manifest.documents or (counted == manifest.documents and not chain.torn)):
-        return Findings((*damage, *_against_manifest(records, manifest)), ())
+        damage += [*_against_manifest(records, manifest), *_against_documents(folder, records, chain)]
+        return Findings(tuple(dict.fromkeys(damage)), ())
     damage += _against_documents(folder, records, chain)
     if manifest is None:
         interruption = [f"{MANIFEST}: is missing; the session was interrupted or is still running"]
@@ -129,12 +133,12 @@ def _against_manifest(records: dict[str, FileRecord], manifest: Manifest) -> lis
 
 
 def vouched_sha256(chain: Chain) -> dict[str, set[str]]:
-    """For each file named in the documents, every SHA-256 recorded for it."""
-    vouched: dict[str, set[str]] = defaultdict(set)
+    """For each file named in the documents, every SHA-256 that it may have: of a measured file the first one, as it is never written again."""
+    vouched: dict[str, set[str]] = {}
     for document in chain.documents:
         name, digest = document.get("file"), document.get("sha256")
-        if isinstance(name, str) and isinstance(digest, str):
-            vouched[name].add(digest)
+        if isinstance(name, str) and isinstance(digest, str) and (document["kind"] not in MEASURED or name not in vouched):
+            vouched.setdefault(name, set()).add(digest)
     return vouched
 
 
@@ -150,7 +154,8 @@ def _against_documents(folder: Path, records: dict[str, FileRecord], chain: Chai
             problems.append(f"{name}: is missing")
         elif records[name].sha256 not in digests:
             problems.append(f"{name}: was changed")
-    return problems
+    named = Counter(str(document.get("file")) for document in chain.documents if document["kind"] in MEASURED)
+    return problems + [f"{clean_text(name)}: was replaced, {count} documents name it" for name, count in named.items() if count > 1]
 
 
 def _against_older_manifest(folder: Path, records: dict[str, FileRecord], manifest: Manifest, data: bytes, chain: Chain) -> list[str]:
