@@ -15,6 +15,7 @@ from motoremi.data.corrections import NO_CORRECTIONS, Corrections
 from motoremi.data.declaration import COMPENSATED, refuse_impossible
 from motoremi.data.import_notes import import_notes
 from motoremi.data.measurement import Measurement
+from motoremi.data.mislabelled import label_remarks
 from motoremi.data.session import Session, SessionWriter, load, refuse_unfinished, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep, checked_accuracy
@@ -194,7 +195,11 @@ def addition(
     corrected = [session.corrections.corrected_sweep(sweep) for sweep in own]
     everything = (*session.corrected_sweeps, *session.corrected_conditioned, *corrected)
     measurement = Measurement.of(everything, values=(*session.values, *values))
-    caveats = (*measurement.copies(), *_disagreeing(measurement, own), *_unlike_stored(before, corrected), *_without_use(measurement, own))
+    known = label_remarks(before.sweeps)
+    labels = [remark for remark in label_remarks(measurement.sweeps) if remark not in known]
+    left_out = {name for sweep in measurement.sweeps for name in sweep.left_out}
+    averaged = [sweep for sweep in corrected if sweep.metadata.get("source") not in left_out]
+    caveats = (*measurement.copies(), *labels, *_disagreeing(measurement, own), *_unlike_stored(before, averaged), *_without_use(measurement, own))
     return Addition(tuple(own), tuple(values), caveats, bool(session.ladder) and not _same_repeats(before, measurement))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from command_line import motoremi
 
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import measured_twice
@@ -69,3 +70,88 @@ def test_sweeps_without_a_common_band_are_not_the_same():
     elsewhere = ImpedanceSweep("open", high, MOTOR.impedance("short", high))
 
     assert measured_twice(Measurement.of([SHORT, elsewhere]).sweeps, Measurement.of([SHORT, elsewhere]).floors) is None
+
+
+def test_the_repeat_that_is_left_out_is_named_with_what_to_do():
+    shorts = [SHORT.with_metadata(source="s1.csv"), taken("open", "short", 3).with_metadata(source="o3.csv")]
+    measurement = Measurement.of([*shorts, taken("open", "open", 2)])
+
+    told = [remark for remark in measurement.caveats() if "o3.csv" in remark]
+    assert len(told) == 1
+    assert "short sweep o3.csv is not used" in told[0]
+    assert "--open" in told[0]
+    assert "s1.csv" not in told[0]
+    # Two short sweeps were given.
+    assert any("only one short sweep is left" in remark for remark in measurement.caveats())
+
+
+def test_a_repeat_without_a_file_is_named_by_its_place():
+    measurement = Measurement.of([taken("short", "open", 2), SHORT, taken("open", "open", 3)])
+
+    assert any("open sweep number 1 is not used" in remark for remark in measurement.caveats())
+
+
+def circuit(frequency_hz, across_farad=0.0, scale=1.0):
+    """Both terminations of a motor by the paper's formula; the capacitor is a suppressor from the terminal to the frame."""
+    s = 2j * np.pi * frequency_hz
+    winding = 1 / (1 / (2.3 + s * 24e-6 * scale) + s * 95e-12)
+    frame = 1 / (1 / (18 + s * 700e-9 + 1 / (s * 310e-12 * scale)) + s * 150e-12 * scale)
+    return {name: 1 / (1 / ohm + s * across_farad) for name, ohm in (("short", winding), ("open", winding + frame))}
+
+
+def told_exchanged(frequency_hz, short_ohm, open_ohm, open_hz=None):
+    sweeps = [ImpedanceSweep("short", frequency_hz, short_ohm), ImpedanceSweep("open", frequency_hz if open_hz is None else open_hz, open_ohm)]
+    remarks = Measurement.of(sweeps).caveats()
+    return any("exchanged" in remark for remark in remarks)
+
+
+@pytest.mark.parametrize("space", [np.geomspace, np.linspace])
+def test_exchanged_terminations_are_told(space):
+    frequency = space(150e3, 30e6, 201)
+    ohm = circuit(frequency)
+
+    assert told_exchanged(frequency, ohm["open"], ohm["short"])
+    assert not told_exchanged(frequency, ohm["short"], ohm["open"])
+
+
+@pytest.mark.parametrize("across_farad", [1e-9, 10e-9, 100e-9, 1e-6])
+def test_a_suppressor_capacitor_is_not_taken_for_an_exchange(across_farad):
+    frequency = np.geomspace(10e3, 30e6, 201)
+    ohm = circuit(frequency, across_farad)
+
+    assert not told_exchanged(frequency, ohm["short"], ohm["open"])
+
+
+@pytest.mark.parametrize("start_hz", [1e3, 100e3, 1e6, 3e6, 5e6, 11e6, 20e6])
+@pytest.mark.parametrize("scale", [0.1, 1.0, 10.0, 1000.0])
+def test_no_band_makes_right_labels_look_exchanged(start_hz, scale):
+    frequency = np.geomspace(start_hz, 30 * start_hz, 101)
+    ohm = circuit(frequency, scale=scale)
+
+    assert not told_exchanged(frequency, ohm["short"], ohm["open"])
+
+
+def test_sweeps_of_different_bands_or_alike_are_not_told_exchanged():
+    low, high = np.geomspace(150e3, 1e6, 101), np.geomspace(5e6, 30e6, 101)
+    assert not told_exchanged(low, circuit(low)["open"], circuit(high)["short"], high)
+    assert not told_exchanged(low, circuit(low)["open"], circuit(low)["open"])
+    assert not told_exchanged(low, circuit(low)["short"], circuit(low)["short"])
+
+
+def test_import_and_fit_name_the_sweep_that_is_left_out(tmp_path):
+    def written(name, sweep):
+        rows = zip(FREQUENCY.tolist(), sweep.impedance_ohm.tolist(), strict=True)
+        lines = "".join(f"{f!r},{z.real!r},{z.imag!r}\n" for f, z in rows)
+        (tmp_path / name).write_text(f"frequency_hz,resistance_ohm,reactance_ohm\n{lines}")
+        return tmp_path / name
+
+    short, opened = written("s1.csv", SHORT), written("o1.csv", taken("open", "open", 2))
+    wrong, later = written("o2.csv", taken("open", "open", 3)), written("o3.csv", taken("open", "open", 4))
+    done = motoremi("import", tmp_path / "s", "--short", short, "--short", wrong, "--open", opened, "--analyser", "4294a")
+    assert [line for line in done.stdout.splitlines() if "short sweep o2.csv is not used" in line]
+    assert "short sweep o2.csv is not used" in motoremi("fit", tmp_path / "s").stdout
+
+    # What is appended is told as left out, not as a repeat that is averaged.
+    done = motoremi("import", tmp_path / "s", "--append", "--short", later)
+    assert "o3.csv are not used" in done.stdout
+    assert "repeats are averaged" not in done.stdout

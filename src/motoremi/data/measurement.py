@@ -17,7 +17,7 @@ from motoremi.data.analyser import Analyser
 from motoremi.data.coarse import coarse
 from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.declaration import declared_analyser, is_compensated
-from motoremi.data.mislabelled import without_mislabelled
+from motoremi.data.mislabelled import label_remarks, without_mislabelled
 from motoremi.data.moved import at_average_leads
 from motoremi.data.noise import Noise, estimate_noise
 from motoremi.data.quantity import Quantity
@@ -204,11 +204,13 @@ class Measurement:
 
     def caveats(self) -> list[str]:
         """Remarks for the report about the noise and the sweeps."""
-        remarks = [*([self.remark] if self.remark else []), *self.copies()]
+        remarks = [*([self.remark] if self.remark else []), *self.copies(), *label_remarks(self.sweeps)]
         for sweep, noise in zip(self.sweeps, self.noise, strict=True):
             if noise.source == "scatter":
+                left = " is left" if sweep.left_out else ""
                 remarks.append(
-                    f"only one {sweep.termination} sweep: its noise is taken from its own scatter, which misses slow drift; repeat it three times"
+                    f"only one {sweep.termination} sweep{left}: its noise is taken from its own scatter, which misses slow drift; repeat it three "
+                    "times"
                 )
         if len(self.sweeps) == 1:
             missing = "open" if self.terminations == ("short",) else "short"

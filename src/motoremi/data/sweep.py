@@ -283,6 +283,10 @@ class RepeatedSweep:
         show it (`data.moved.student_factor`); `impedance_ohm` is then with the leads in their average position.
     copies : int
         Number of sweeps that were left out because they hold the readings of another one.
+    names : tuple of str
+        Of each repeat: its file, or its place among the sweeps of the termination.
+    left_out : tuple of str
+        Names of the repeats that were left out because they are the other termination's sweep again (`data.mislabelled`).
     """
 
     termination: Termination
@@ -292,6 +296,8 @@ class RepeatedSweep:
     counts: FloatArray | None = None
     moved: FloatArray | None = None
     copies: int = 0
+    names: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def repeats(self) -> int:
@@ -324,13 +330,13 @@ def _unlike(first: ImpedanceSweep, other: ImpedanceSweep) -> str:
     return f"but differ by {percent(100 * apart[worst])} at point {worst + 1}"
 
 
-def _without_copies(repeats: Sequence[ComplexArray]) -> ComplexArray:
-    """The repeats whose readings are not those of an earlier one, shape (repeats, n)."""
-    kept: list[ComplexArray] = []
-    for one in repeats:
-        if not any(np.all(np.abs(one - other) <= SAME_READINGS * np.abs(other)) for other in kept):
-            kept.append(one)
-    return np.array(kept)
+def _without_copies(repeats: Sequence[ComplexArray]) -> list[int]:
+    """The places of the repeats whose readings are not those of an earlier one."""
+    kept: list[int] = []
+    for place, one in enumerate(repeats):
+        if not any(np.all(np.abs(one - repeats[other]) <= SAME_READINGS * np.abs(repeats[other])) for other in kept):
+            kept.append(place)
+    return kept
 
 
 def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
@@ -362,8 +368,10 @@ def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
                 )
         stated = [member.sigma_relative for member in members if member.sigma_relative is not None]
         sigma = np.sqrt(np.mean(np.square(stated), axis=0)) if len(stated) == len(members) else None
-        repeats = _without_copies([member.impedance_ohm for member in members])
-        groups.append(RepeatedSweep(termination, first.frequency_hz, repeats, sigma, copies=len(members) - len(repeats)))
+        kept = _without_copies([member.impedance_ohm for member in members])
+        repeats = np.array([members[place].impedance_ohm for place in kept])
+        names = tuple(str(members[place].metadata.get("source") or f"number {place + 1}") for place in kept)
+        groups.append(RepeatedSweep(termination, first.frequency_hz, repeats, sigma, copies=len(members) - len(kept), names=names))
     if not groups:
         raise BadInput("no impedance sweep: give a short-circuit sweep, an open-circuit sweep, or better both")
     return groups
