@@ -5,7 +5,9 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Literal, NamedTuple
 
+from motoremi.data.mislabelled import without_mislabelled
 from motoremi.data.session import Session
+from motoremi.data.sweep import group_repeats
 from motoremi.errors import BadInput
 from motoremi.export.emission_deck import emission_deck
 from motoremi.export.hdf5 import hdf5_bytes
@@ -56,19 +58,41 @@ class Exporter:
     def touchstone(self, termination: str | None, parameter: Literal["S", "Z"], model: bool) -> Exported:
         """One termination: the measurement, or the model."""
         text, chosen = session_touchstone(self._session, termination, parameter, self._fitted() if model else None)
-        return Exported(text.encode(), f"{chosen}-circuit {'model' if model else 'measurement'}, {parameter} parameters")
+        return Exported(text.encode(), f"{chosen}-circuit {'model' if model else 'measurement'}, {parameter} parameters{self._not_used}")
 
     def csv(self) -> Exported:
         """All sweeps in one table, the model beside them."""
-        return Exported(csv_bytes(self._session, self._fit), self._with_model("sweeps"))
+        return Exported(csv_bytes(self._session, self._fit), self._table())
 
     def parquet(self) -> Exported:
         """The same as Parquet."""
-        return Exported(parquet_bytes(self._session, self._fit), self._with_model("sweeps"))
+        return Exported(parquet_bytes(self._session, self._fit), self._table())
 
     def hdf5(self) -> Exported:
         """Sweeps, spectra, model and analyses."""
-        return Exported(hdf5_bytes(self._session, self._fit), self._with_model("sweeps, spectra, analyses", ", model"))
+        values = ", single values" if self._session.values else ""
+        what = f"sweeps{self._under_conditions}, spectra{values}, analyses"
+        return Exported(hdf5_bytes(self._session, self._fit), self._with_model(what, ", model") + self._not_used)
+
+    def _table(self) -> str:
+        values = "; single values are not in a table of sweeps: --hdf5 FILE" if self._session.values else ""
+        return self._with_model(f"sweeps{self._under_conditions}") + values + self._not_used
+
+    @property
+    def _under_conditions(self) -> str:
+        count = len(self._session.conditioned)
+        return f" ({count} of {count + len(self._session.sweeps)} under a condition)" if count else ""
+
+    @cached_property
+    def _not_used(self) -> str:
+        """The sweeps that a fit leaves out, in words; empty if it uses all."""
+        try:
+            used, _ = without_mislabelled(group_repeats(self._session.corrected_sweeps))
+        except BadInput:
+            # Repeats that cannot be averaged, or no sweep of the motor as it is: a table holds them all the same.
+            return ""
+        names = [f"{sweep.termination} sweep {name}" for sweep in used for name in sweep.left_out]
+        return f"; not used by fits, because of the other termination: {', '.join(names)}" if names else ""
 
     def _with_model(self, what: str, model: str = " and model") -> str:
         return what + (model if self._fit is not None else "")

@@ -132,3 +132,122 @@ def test_a_session_without_a_fit(tmp_path, measure):
     assert "short-circuit measurement" in invoke("export", tmp_path / "s", "--touchstone", tmp_path / "x.z1p")
     with pytest.raises(BadInput, match="no open-circuit sweep"):
         invoke("export", tmp_path / "s", "--touchstone", tmp_path / "y.s1p", "--termination", "open")
+
+
+def paper_ohm(frequency_hz):
+    """Both terminations of a motor by the paper's formula."""
+    s = 2j * np.pi * frequency_hz
+    winding = 1 / (1 / (2.3 + s * 24e-6) + s * 95e-12)
+    frame = 1 / (1 / (18 + s * 700e-9 + 1 / (s * 310e-12)) + s * 150e-12)
+    return {"short": winding, "open": winding + frame}
+
+
+def with_one_mislabelled(folder):
+    """A session whose third short sweep is an open one: the readings of each repeat, as they were given."""
+    frequency, rng = np.geomspace(150e3, 30e6, 101), np.random.default_rng(4)
+    given = []
+    with SessionWriter.create(folder, {"title": "x"}) as writer:
+        for named, seen in (("short", "short"), ("short", "short"), ("short", "open"), ("open", "open"), ("open", "open")):
+            noise = 1e-3 * (rng.standard_normal(101) + 1j * rng.standard_normal(101))
+            given.append(paper_ohm(frequency)[seen] * (1 + noise))
+            writer.add_sweep(me.ImpedanceSweep(named, frequency, given[-1], metadata={"analyser": "none", "source": f"{len(given)}.csv"}))
+        writer.close("done")
+    return given
+
+
+def test_touchstone_holds_the_mean_of_the_sweeps_that_a_fit_uses(tmp_path):
+    given = with_one_mislabelled(tmp_path / "s")
+    said = invoke("export", tmp_path / "s", "--touchstone", tmp_path / "m.z1p", "--termination", "short")
+
+    read = me.read_impedance(tmp_path / "m.z1p", "short")
+    np.testing.assert_allclose(read.impedance_ohm, (given[0] + given[1]) / 2, rtol=1e-12)
+    assert "mean of 2 sweeps" in (tmp_path / "m.z1p").read_text()
+    assert "not used by fits, because of the other termination: short sweep 3.csv" in said
+    # Tables hold every sweep as it was given, and say so.
+    said = invoke("export", tmp_path / "s", "--csv", tmp_path / "m.csv")
+    assert len(pd.read_csv(tmp_path / "m.csv")) == 5 * 101
+    assert "not used by fits, because of the other termination: short sweep 3.csv" in said
+
+
+@pytest.fixture(scope="module")
+def under_conditions(tmp_path_factory):
+    """A session with sweeps under two conditions, one of them with a value, and a value from another meter; and what was written, in order."""
+    from motoremi.data.conditions import parse_condition, parse_value
+
+    folder = tmp_path_factory.mktemp("conditions") / "s"
+    frequency, rng = np.geomspace(150e3, 30e6, 41), np.random.default_rng(4)
+    written = []
+    with SessionWriter.create(folder, {"title": "x"}) as writer:
+        for termination, text in (
+            ("short", ""),
+            ("short", ""),
+            ("open", ""),
+            ("short", "far-end-grounded"),
+            ("open", "second-temperature=53degC"),
+            ("open", "second-temperature=53degC"),
+        ):
+            ohm = paper_ohm(frequency)[termination] * (1 + 1e-3 * (rng.standard_normal(41) + 1j * rng.standard_normal(41)))
+            sweep = me.ImpedanceSweep(termination, frequency, ohm, metadata={"analyser": "none"})
+            writer.add_sweep(sweep.under(parse_condition(text)) if text else sweep)
+            written.append((termination, text, ohm))
+        writer.add_value(parse_value("dc-resistance=2.25ohm+-0.01ohm"))
+        writer.close("done")
+    with opened(folder) as store:
+        fit_session(store)
+    return folder, written
+
+
+EXPECTED = [
+    ("short", 1, None, None, None),
+    ("short", 2, None, None, None),
+    ("open", 1, None, None, None),
+    ("short", 1, "far-end-grounded", None, None),
+    ("open", 1, "second-temperature", 53.0, "degC"),
+    ("open", 2, "second-temperature", 53.0, "degC"),
+]
+
+
+def check_table(table, written):
+    """Every sweep, in order, with its condition; the model only for the motor as it is."""
+    assert len(table) == 6 * 41
+    for number, ((termination, repeat, condition, value, unit), (_, _, ohm)) in enumerate(zip(EXPECTED, written, strict=True)):
+        rows = table.iloc[41 * number : 41 * (number + 1)]
+        assert set(rows.termination) == {termination}
+        assert set(rows.repeat) == {repeat}
+        for name, expected in (("condition", condition), ("condition_value", value), ("condition_unit", unit)):
+            assert rows[name].isna().all() if expected is None else set(rows[name]) == {expected}
+        np.testing.assert_array_equal(rows.resistance_ohm + 1j * rows.reactance_ohm, ohm)
+        assert rows.model_resistance_ohm.isna().all() == (condition is not None)
+
+
+@pytest.mark.parametrize(("option", "read"), [("csv", pd.read_csv), ("parquet", pd.read_parquet)])
+def test_tables_hold_the_sweeps_under_a_condition(under_conditions, tmp_path, option, read):
+    folder, written = under_conditions
+    said = invoke("export", folder, f"--{option}", tmp_path / "table")
+    check_table(read(tmp_path / "table"), written)
+    assert "sweeps (3 of 6 under a condition) and model" in said
+    assert "single values are not in a table of sweeps: --hdf5" in said
+
+
+def test_hdf5_holds_the_sweeps_under_a_condition_and_the_single_values(under_conditions, tmp_path):
+    folder, written = under_conditions
+    assert "single values" in invoke("export", folder, "--hdf5", tmp_path / "m.h5")
+    with h5py.File(tmp_path / "m.h5") as file:
+        assert sorted(file["sweeps"]) == ["open-1", "short-1", "short-2"]
+        np.testing.assert_array_equal(file["conditions/1/short-1/impedance_ohm"], written[3][2])
+        np.testing.assert_array_equal(file["conditions/2/open-2/impedance_ohm"], written[5][2])
+        assert dict(file["conditions/1"].attrs) == {"condition": "far-end-grounded"}
+        assert dict(file["conditions/2"].attrs) == {"condition": "second-temperature", "condition_value": 53.0, "condition_unit": "degC"}
+        assert file["values/1"][()] == 2.25
+        assert dict(file["values/1"].attrs) == {"name": "dc-resistance", "unit": "Ohm", "sigma": 0.01}
+
+
+def test_labelled_arrays_hold_the_sweeps_under_a_condition_and_the_single_values(under_conditions):
+    folder, written = under_conditions
+    data = me.to_xarray(me.load(folder))
+    np.testing.assert_array_equal(data.short_ohm.values, [written[0][2], written[1][2]])
+    np.testing.assert_array_equal(data.condition_1_short_ohm.values, [written[3][2]])
+    np.testing.assert_array_equal(data.condition_2_open_ohm.values, [written[4][2], written[5][2]])
+    assert data.condition_2_open_ohm.attrs == {"units": "ohm", "condition": "second-temperature", "condition_value": 53.0, "condition_unit": "degC"}
+    assert float(data.value_1) == 2.25
+    assert data.value_1.attrs == {"name": "dc-resistance", "units": "Ohm", "sigma": 0.01}

@@ -24,8 +24,8 @@ def export_(
         Path | None, _file("--spice-emission", "The whole emission test: source, motor, stray capacitance, cable, LISNs.")
     ] = None,
     touchstone: Annotated[Path | None, _file("--touchstone", "One termination: .s1p, or .z1p for impedance normalised to 50 Ohm.")] = None,
-    csv: Annotated[Path | None, _file("--csv", "All sweeps in one table, the model beside them.")] = None,
-    hdf5: Annotated[Path | None, _file("--hdf5", "Sweeps, spectra, model and analyses (extra hdf5).")] = None,
+    csv: Annotated[Path | None, _file("--csv", "All sweeps in one table, also those under a condition, the model beside them.")] = None,
+    hdf5: Annotated[Path | None, _file("--hdf5", "All sweeps, single values, spectra, model and analyses (extra hdf5).")] = None,
     parquet: Annotated[Path | None, _file("--parquet", "The table of --csv as Parquet (extra parquet).")] = None,
     termination: Annotated[
         Literal["short", "open"] | None, typer.Option(help="Which sweep goes to --touchstone; by default open if there is one.")

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import io
 
+from motoremi.data.conditions import Condition
 from motoremi.data.plain import to_page
 from motoremi.data.session import Session
 from motoremi.export.extras import needs
+from motoremi.export.tables import condition_attributes, repeat_numbers
 from motoremi.fitting.result import Fit
 
 
 def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
     """Groups `sweeps/<termination>-<repeat>`, `spectra/<number>`, `model/<termination>` and `analysis/<name>` (JSON text).
+
+    Sweeps under a condition are `conditions/<number>/<termination>-<repeat>`, with the condition as attributes of `conditions/<number>`; values
+    from other meters are `values/<number>`, with attributes for name, unit and standard deviation.
 
     Impedances are complex datasets in ohm; the attribute `metadata` of each group holds its metadata as JSON.
 
@@ -27,14 +32,20 @@ def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
     with h5py.File(buffer, "w") as file:
         file.attrs["session"] = session.path.name
         file.attrs["simulated"] = session.simulated
-        count: dict[str, int] = {}
-        for sweep in session.corrected_sweeps:
-            count[sweep.termination] = count.get(sweep.termination, 0) + 1
-            group = file.create_group(f"sweeps/{sweep.termination}-{count[sweep.termination]}")
+        sweeps = (*session.corrected_sweeps, *session.corrected_conditioned)
+        places: dict[Condition | None, str] = {None: "sweeps"}
+        for number, condition in enumerate(dict.fromkeys(sweep.condition for sweep in session.conditioned), start=1):
+            places[condition] = f"conditions/{number}"
+            file.create_group(places[condition]).attrs.update(condition_attributes(condition))
+        for repeat, sweep in zip(repeat_numbers(sweeps), sweeps, strict=True):
+            group = file.create_group(f"{places[sweep.condition]}/{sweep.termination}-{repeat}")
             group["frequency_hz"], group["impedance_ohm"] = sweep.frequency_hz, sweep.impedance_ohm
             if sweep.sigma_relative is not None:
                 group["sigma_relative"] = sweep.sigma_relative
             group.attrs["metadata"] = to_page(sweep.metadata)
+        for number, value in enumerate(session.values, start=1):
+            file[f"values/{number}"] = value.value_si
+            file[f"values/{number}"].attrs.update(name=value.name, unit=value.unit, sigma=value.sigma)
         for number, (spectrum, read) in enumerate(zip(session.corrected_spectra, session.spectra, strict=True), start=1):
             group = file.create_group(f"spectra/{number}")
             group["reading_dbuv"] = read.level_dbuv

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from motoremi.data.conditions import Condition
 from motoremi.data.session import Session
-from motoremi.data.sweep import group_repeats
+from motoremi.data.sweep import ImpedanceSweep, group_repeats
 from motoremi.errors import BadInput
 from motoremi.export.extras import needs
 from motoremi.fitting.result import Fit
@@ -24,7 +27,8 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
     -------
     DataFrame
         `termination, repeat, frequency_hz, resistance_ohm, reactance_ohm`, with a fit also `model_resistance_ohm, model_reactance_ohm`, for
-        simulated data also `simulated`.
+        simulated data also `simulated`. If sweeps were measured under a condition, also `condition, condition_value, condition_unit`, without a
+        value in the rows of the motor as it is. The model is that of the motor as it is: it has no value in rows under a condition.
 
     Raises
     ------
@@ -33,26 +37,42 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
     """
     import pandas as pd
 
-    if not session.sweeps:
+    sweeps = (*session.corrected_sweeps, *session.corrected_conditioned)
+    if not sweeps:
         raise BadInput(f"{session.path.name} holds no impedance sweep: there is nothing to export")
     frames = []
-    count: dict[str, int] = {}
-    for sweep in session.corrected_sweeps:
-        count[sweep.termination] = count.get(sweep.termination, 0) + 1
-        columns = {
-            "termination": sweep.termination,
-            "repeat": count[sweep.termination],
+    for repeat, sweep in zip(repeat_numbers(sweeps), sweeps, strict=True):
+        columns: dict[str, object] = {"termination": sweep.termination, "repeat": repeat}
+        if session.conditioned:
+            own = sweep.condition
+            columns |= {
+                "condition": pd.Series([None if own is None else own.id] * len(sweep), dtype=object),
+                "condition_value": np.full(len(sweep), np.nan if own is None or own.value is None else own.value),
+                "condition_unit": pd.Series([None if own is None or not own.unit else own.unit] * len(sweep), dtype=object),
+            }
+        columns |= {
             "frequency_hz": sweep.frequency_hz,
             "resistance_ohm": sweep.impedance_ohm.real,
             "reactance_ohm": sweep.impedance_ohm.imag,
         }
         if fit is not None:
-            model = fit.model_ohm(sweep.termination, sweep.frequency_hz)
+            known = sweep.condition is None
+            model = fit.model_ohm(sweep.termination, sweep.frequency_hz) if known else np.full(len(sweep), complex(np.nan, np.nan))
             columns |= {"model_resistance_ohm": model.real, "model_reactance_ohm": model.imag}
         if session.simulated:
             columns["simulated"] = True
         frames.append(pd.DataFrame(columns))
     return pd.concat(frames, ignore_index=True)
+
+
+def repeat_numbers(sweeps: Sequence[ImpedanceSweep]) -> list[int]:
+    """The number of each sweep among those of its condition and termination, from 1."""
+    count: Counter[tuple[Condition | None, str]] = Counter()
+    numbers = []
+    for sweep in sweeps:
+        count[sweep.condition, sweep.termination] += 1
+        numbers.append(count[sweep.condition, sweep.termination])
+    return numbers
 
 
 def csv_bytes(session: Session, fit: Fit | None) -> bytes:
@@ -73,6 +93,9 @@ def parquet_bytes(session: Session, fit: Fit | None) -> bytes:
 def to_xarray(session: Session) -> xr.Dataset:
     """Sweeps as labelled arrays: `short_ohm` and `open_ohm` over `repeat` and their own frequencies, spectra over theirs.
 
+    Sweeps under a condition are `condition_1_short_ohm` and so on, with attributes that name the condition; values from other meters are
+    `value_1` and so on, with attributes for name, unit and standard deviation.
+
     Raises
     ------
     BadInput
@@ -82,16 +105,31 @@ def to_xarray(session: Session) -> xr.Dataset:
     import xarray as xr
 
     arrays = {}
-    for group in group_repeats(session.corrected_sweeps):
-        axis = f"{group.termination}_frequency_hz"
-        arrays[f"{group.termination}_ohm"] = xr.DataArray(
-            group.impedance_ohm,
-            dims=(f"{group.termination}_repeat", axis),
-            coords={axis: group.frequency_hz, f"{group.termination}_repeat": np.arange(1, group.repeats + 1)},
-            attrs={"units": "ohm"},
-        )
+    conditions = list(dict.fromkeys(sweep.condition for sweep in session.corrected_conditioned))
+    named = [("", None), *((f"condition_{number}_", condition) for number, condition in enumerate(conditions, start=1))]
+    for prefix, condition in named:
+        own = [sweep for sweep in (*session.corrected_sweeps, *session.corrected_conditioned) if sweep.condition == condition]
+        for group in group_repeats(own):
+            name = f"{prefix}{group.termination}"
+            axis = f"{name}_frequency_hz"
+            arrays[f"{name}_ohm"] = xr.DataArray(
+                group.impedance_ohm,
+                dims=(f"{name}_repeat", axis),
+                coords={axis: group.frequency_hz, f"{name}_repeat": np.arange(1, group.repeats + 1)},
+                attrs={"units": "ohm", **condition_attributes(condition)},
+            )
+    for number, value in enumerate(session.values, start=1):
+        arrays[f"value_{number}"] = xr.DataArray(value.value_si, attrs={"name": value.name, "units": value.unit, "sigma": value.sigma})
     for number, spectrum in enumerate(session.corrected_spectra, start=1):
         axis = f"spectrum_{number}_frequency_hz"
         attributes = {"detector": spectrum.detector, "resolution_bandwidth_hz": spectrum.resolution_bandwidth_hz}
         arrays[f"spectrum_{number}_dbuv"] = xr.DataArray(spectrum.level_dbuv, dims=(axis,), coords={axis: spectrum.frequency_hz}, attrs=attributes)
     return xr.Dataset(arrays, attrs={"session": session.path.name, "simulated": int(session.simulated)})
+
+
+def condition_attributes(condition: Condition | None) -> dict[str, str | float]:
+    """Attributes that name a condition; none for the motor as it is."""
+    if condition is None:
+        return {}
+    value: dict[str, str | float] = {} if condition.value is None else {"condition_value": condition.value, "condition_unit": condition.unit}
+    return {"condition": condition.id, **value}

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
+from motoremi.data.mislabelled import without_mislabelled
 from motoremi.data.session import Session
 from motoremi.data.sweep import group_repeats
 from motoremi.errors import BadInput
@@ -28,14 +29,16 @@ def touchstone_text(frequency_hz: FloatArray, impedance_ohm: ComplexArray, param
 
 
 def session_touchstone(session: Session, termination: str | None, parameter: Literal["S", "Z"], model_of: Fit | None = None) -> tuple[str, str]:
-    """The mean of a termination's repeats, or the model at their frequencies: the text, and the termination.
+    """The mean of the repeats that a fit uses, or the model at their frequencies: the text, and the termination.
 
     Raises
     ------
     BadInput
         If there is no such sweep.
     """
-    groups = {group.termination: group for group in group_repeats(session.corrected_sweeps)}
+    # The repeats that a fit averages: one that was measured with the other termination would change the mean.
+    used, _ = without_mislabelled(group_repeats(session.corrected_sweeps))
+    groups = {group.termination: group for group in used}
     chosen = termination or ("open" if "open" in groups else "short")
     if chosen not in groups:
         raise BadInput(f"{session.path.name} holds no {chosen}-circuit sweep")
