@@ -99,8 +99,18 @@ class NanoVna(ShellDriver, ReflectionAnalyser):
         return rows[:, 1] + 1j * rows[:, 2]
 
     def rows(self, piece: tuple[int, int, int], mask: int, columns: int) -> FloatArray:
-        """The lines of numbers that the shell prints of one piece of the sweep."""
+        """The lines of numbers that the shell prints of one piece of the sweep; the first number of each is its frequency.
+
+        Raises
+        ------
+        InstrumentError
+            If they are no numbers, or of other frequencies than asked for.
+        """
         start, stop, points = piece
         # The slowest bandwidth takes a third of a second for a point.
         with self.transport.deadline(10.0 + 0.5 * points):
-            return self.ask_rows(f"scan {start} {stop} {points} {mask}", points, columns)
+            rows = self.ask_rows(f"scan {start} {stop} {points} {mask}", points, columns)
+        # The firmware rounds to whole hertz.
+        if not np.allclose(rows[:, 0], np.linspace(start, stop, points), rtol=0, atol=1.0):
+            raise InstrumentError(f"{self}: measured other frequencies than asked for; do not touch it during a sweep, and start it anew")
+        return rows

@@ -92,6 +92,17 @@ def test_data_are_refused_before_the_sweep_is_complete(analyser: KeysightE4990A)
         analyser.read_impedance()
 
 
+def test_the_same_trace_twice_is_refused(bench: SimulatedBench, analyser: KeysightE4990A, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The instrument did not follow the selection, or answers a query late."""
+    bench.connect("short")
+    analyser.trigger()
+    analyser.wait_until_complete()
+    first = analyser.read_part(0)
+    monkeypatch.setattr(analyser, "read_part", lambda index: first)
+    with pytest.raises(InstrumentError, match="parameter 1 and parameter 2 are the same at every point, one trace was sent twice"):
+        analyser.read_impedance()
+
+
 def test_a_sweep_that_never_ends_meets_its_deadline(analyser: KeysightE4990A, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(analyser, "OPERATION_COMPLETE", 2)
     analyser.trigger()

@@ -197,6 +197,23 @@ def test_scans_that_are_none(answer: str, message: str) -> None:
         analyser.rows((150_000, 160_000, 2), 3, 3)
 
 
+@pytest.mark.parametrize("first_hz", [155_000, 150_002, 75_000])
+def test_a_scan_of_other_frequencies_is_refused(first_hz: int) -> None:
+    """A firmware that measures something else, or prints an earlier scan again."""
+    rows = "".join(f"{first_hz + step} 0.5 0.1 \r\n" for step in (0, 5_000, 10_000))
+    analyser = NanoVna(ReplayTransport("SCRIPT", exchanges(("scan 150000 160000 3 3", rows))))
+    analyser._pieces = [(150_000, 160_000, 3)]
+    with pytest.raises(InstrumentError, match="measured other frequencies than asked for"):
+        analyser.scan()
+
+
+def test_frequencies_may_be_rounded_to_whole_hertz() -> None:
+    rows = "150000 0.5 0.1 \r\n153333 0.5 0.1 \r\n156667 0.5 0.1 \r\n160000 0.5 0.1 \r\n"
+    analyser = NanoVna(ReplayTransport("SCRIPT", exchanges(("scan 150000 160000 4 3", rows))))
+    analyser._pieces = [(150_000, 160_000, 4)]
+    np.testing.assert_array_equal(analyser.scan(), np.full(4, 0.5 + 0.1j))
+
+
 def test_an_echo_that_is_another_one_is_a_bad_link() -> None:
     records = [{"direction": "write", "text": "pause\r"}, {"direction": "read", "text": "puse\r\nch>"}]
     with pytest.raises(InstrumentError, match="'pause' was echoed as 'puse'; the link loses characters"):

@@ -144,6 +144,11 @@ class BridgeAnalyser(ImpedanceAnalyser):
             parts.append(pairs[::2])
         if parts[0].size != parts[1].size:
             raise InstrumentError(f"{self}: {self.PARTS[0]} has {parts[0].size} points, {self.PARTS[1]} {parts[1].size}")
+        # No motor has R = X at every frequency: the instrument did not follow the selection of the trace, or answered an earlier query.
+        if np.array_equal(parts[0], parts[1]):
+            raise InstrumentError(
+                f"{self}: {self.PARTS[0]} and {self.PARTS[1]} are the same at every point, one trace was sent twice; measure again"
+            )
         return parts[0] + 1j * parts[1]
 
     @contextmanager
