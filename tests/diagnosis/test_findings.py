@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from covariances import complex_normal
 from paper_circuit import DAMPED, impedance
 
 import motoremi as me
@@ -21,6 +22,7 @@ from motoremi.diagnosis.findings import (
     of_the_resistance,
     shows_nothing,
 )
+from motoremi.diagnosis.held_values import of_the_held
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
 
@@ -118,3 +120,20 @@ def test_a_circuit_that_errs_most_where_its_analyser_sees_nothing_is_told_with_t
         assert (finding.id, finding.sweep, finding.serious) == ("too-little", "short", True)
         assert finding.band_hz is not None
         assert finding.band_hz[0] < 4.6e6 < finding.band_hz[1]
+
+
+def test_a_held_value_that_the_sweeps_deny_is_the_finding() -> None:
+    """Ra is held 8 % too high; with the true value, or with an effect missing as well, no value is blamed."""
+    rng, frequency = np.random.default_rng(2), np.geomspace(150e3, 30e6, 201)
+    sweeps = [
+        me.ImpedanceSweep(name, frequency, impedance(DAMPED, name, frequency) * (1 + 1e-4 * complex_normal(rng, 201))) for name in ("short", "open")
+    ]
+    ohm = {"off": 1.08 * DAMPED["Ra"], "right": DAMPED["Ra"]}
+    held = {name: me.fit(me.dc_motor(), sweeps, analyser="none", held={"Ra": value}) for name, value in ohm.items()}
+    (finding,) = of_the_held(held["off"])
+    assert finding.id == "held-value"
+    assert finding.serious
+    assert finding.why.startswith("Ra is held at")
+    assert not of_the_held(held["right"])
+    lossy = [me.ImpedanceSweep(s.termination, frequency, s.impedance_ohm + 0.2 * np.sqrt(frequency / 1e6)) for s in sweeps]
+    assert not of_the_held(me.fit(me.dc_motor(), lossy, analyser="none", held={"Ra": ohm["off"]}))

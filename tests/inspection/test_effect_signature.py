@@ -59,3 +59,12 @@ def test_an_effect_in_the_model_is_shown_as_fitted():
     (size,) = signature(fit, "core-loss").sizes
     assert size.parameters["resistance_ohm"] == fit.parameters["core-loss.resistance_ohm"]
     assert len(signature(fit, "core-loss").plot().axes) == 4
+
+
+@pytest.mark.parametrize("termination", ["short", "open"])
+def test_of_an_effect_with_a_value_for_each_sweep_one_sweep_shows_one(termination):
+    alone = me.fit(me.dc_motor(), [sweep for sweep in simulated_sweeps(4)[0] if sweep.termination == termination])
+    added = alone.add("contact-resistance")
+    for found in (signature(alone, "contact-resistance"), signature(added, "contact-resistance")):
+        assert found.sizes
+        assert all(set(size.parameters) == {f"{termination}_ohm"} for size in found.sizes)

@@ -109,7 +109,7 @@ class Candidate:
         labels = own_labels(self.fit.effects, self.added)
         for parameter in self.fit.motor.parameters:
             label = parameter.name.rpartition(".")[0]
-            if label in labels:
+            if label in labels and parameter.name in self.fit.parameters:
                 sigma = self.fit.sigma[parameter.name]
                 found[parameter.short_name if len(labels) == 1 else parameter.name] = {
                     "value": self.fit.parameters[parameter.name],
@@ -136,7 +136,8 @@ def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, fl
     sigma : mapping, optional
         Standard deviations; a value is then unusual only if it is two of them outside the range.
     """
-    own = [p for p in motor.parameters if p.name.rpartition(".")[0] in labels]
+    # One that no sweep shows has no value.
+    own = [p for p in motor.parameters if p.name.rpartition(".")[0] in labels and p.name in values]
     counts = Counter(p.name.rpartition(".")[0] for p in own)
     flexible = [p for p in own if counts[p.name.rpartition(".")[0]] >= FLEXIBLE]
     outside = [p.name for p in flexible if _is_unusual(p, values[p.name], 0.0 if sigma is None else UNSURE * sigma[p.name])]
@@ -159,8 +160,9 @@ def large_elements(fit: Fit) -> list[str]:
 def _is_overdamped(label: str, motor: Motor, values: Mapping[str, float]) -> bool:
     """Whether an effect is a resonance that is damped more than critically: a resonance that is none."""
     damping_ratio = find_effect(label.partition("#")[0]).effect.damping_ratio
-    own = {p.short_name: values[p.name] for p in motor.parameters if p.name.rpartition(".")[0] == label}
-    return damping_ratio is not None and damping_ratio(own) > 1
+    if damping_ratio is None:
+        return False
+    return damping_ratio({p.short_name: values[p.name] for p in motor.parameters if p.name.rpartition(".")[0] == label}) > 1
 
 
 def _is_unusual(parameter: Parameter, value: float, uncertainty: float) -> bool:

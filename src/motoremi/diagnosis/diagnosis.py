@@ -30,6 +30,7 @@ from motoremi.diagnosis.findings import (
     the_same_twice,
     wrong_phase_in,
 )
+from motoremi.diagnosis.held_values import of_the_held
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
 from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, distributed, judge, of_the_analyser_alone
 from motoremi.diagnosis.machine_modes import machine_in_words, machine_with_modes
@@ -391,7 +392,8 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
         + of_the_analyser(judgement.model.fit, judgement.accepted)
         + of_the_sweeps(left)
     )
-    found += of_the_labels(fit.measurement) + of_the_amount(fit, (judgement.model if judgement.accepted else judgement.closest).fit)
+    found += of_the_held(judgement.base) + of_the_labels(fit.measurement)
+    found += of_the_amount(fit, (judgement.model if judgement.accepted else judgement.closest).fit)
     if judgement.accepted and not judgement.named:
         found += of_the_hardly_seen(judgement.model.fit)
     if declared.instead is not None:

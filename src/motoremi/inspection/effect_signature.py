@@ -108,9 +108,10 @@ def signature(fit: Fit, effect: str) -> Signature:
     inside = found.identifier in fit.effects
     motor = fit.motor if inside else found.added_to(fit.motor)
     label = found.identifier if inside else found.label_in(fit.motor)
-    own = [p for p in motor.parameters if p.name.startswith(f"{label}.")]
     problem = Problem(motor, fit.measurement, fit.bounds, fit.held)
-    if not {p.name for p in own} & {p.name for p in problem.everything}:
+    seen = {p.name for p in problem.everything}
+    own = [p for p in motor.parameters if p.name.startswith(f"{label}.") and p.name in seen]
+    if not own:
         raise BadInput(f"{effect} changes none of these sweeps: measure the other termination too")
     sizes = (
         [{p.name: fit.parameters[p.name] for p in own}]
