@@ -67,6 +67,10 @@ _IMPEDANCE = ("impedance", "impedanz", "impedancia", "impedenza")
 _FREQUENCY = ("frequency", "freq", "f", "frequenz", "frequence", "frecuencia", "frequenza")
 _LEVEL = ("level", "amplitude", "power")
 _Z, _Y = ("z", *_IMPEDANCE), ("y", "admittance")
+_S11 = ("s11", "reflection", "reflection_coefficient")
+_S11_MAGNITUDE = ("|s11|", *_part(_S11, *_MAGNITUDE))
+# Meanings beside which a phase without a further name is that of the reflection.
+_REFLECTIONS = {"reflection_db", "return_loss", "reflection_magnitude"}
 _QUANTITIES = (
     _Quantity("frequency", HERTZ, _FREQUENCY),
     _Quantity("resistance", OHM, ("resistance", "r", *_REAL, "z'", *_part(_Z, *_REAL))),
@@ -86,8 +90,12 @@ _QUANTITIES = (
     _Quantity("dissipation_factor", NUMBER, ("d", "dissipation_factor", "tan_delta")),
     _Quantity("quality_factor", NUMBER, ("q", "quality_factor")),
     _Quantity("s11", NUMBER, ("s11",)),
-    _Quantity("s11_real", NUMBER, _part("s11", *_REAL)),
-    _Quantity("s11_imag", NUMBER, _part("s11", *_IMAGINARY)),
+    _Quantity("s11_real", NUMBER, _part(_S11, *_REAL)),
+    _Quantity("s11_imag", NUMBER, _part(_S11, *_IMAGINARY)),
+    _Quantity("reflection_magnitude", NUMBER, _S11_MAGNITUDE),
+    _Quantity("reflection_db", NUMBER, (*_part(_S11, "db"), *(f"{name}_db" for name in (*_S11_MAGNITUDE, "s11_log_mag")))),
+    _Quantity("return_loss", NUMBER, ("return_loss", "return_loss_db", "rl_db")),
+    _Quantity("reflection_phase", ANGLE, ("s11", "return_phase", *_part(_S11, *_PHASE, "ang"))),
     _Quantity("level", DBUV, _LEVEL),
     _Quantity("level_dbm", DBM, _LEVEL),
     _Quantity("level_dbm", NUMBER, ("dbm",)),
@@ -150,6 +158,9 @@ def _title(title: str) -> _Title | None:
 def find_columns(table: Table) -> dict[str, Column]:
     """The columns whose meaning and unit are known.
 
+    A phase without a further name belongs to the magnitude beside it: to S11 or return loss, else to |Z|, else to |Y|. `theta` is the usual name of
+    the phase of Z, and belongs to S11 or |Y| only without |Z|.
+
     Of columns with the same meaning and cells under different titles, such as two traces of one sweep, the first is used.
 
     Raises
@@ -158,18 +169,27 @@ def find_columns(table: Table) -> dict[str, Column]:
         If two columns mean the same.
     """
     found: dict[str, Column] = {}
-    for index, title in enumerate(table.columns):
-        known = _title(title)
-        interpreted = known.interpreted() if known else None
-        if interpreted is None:
+    titles = [_title(title) for title in table.columns]
+    interpretations = [known.interpreted() if known else None for known in titles]
+    meanings = {one[0] for one in interpretations if one}
+    reflects = bool(meanings & _REFLECTIONS) and "reflection_phase" not in meanings
+    for index, (title, known, interpreted) in enumerate(zip(table.columns, titles, interpretations, strict=True)):
+        if known is None or interpreted is None:
             continue
         meaning, factor = interpreted
+        if meaning == "phase" and reflects and known.name in _PHASE and known.name != "theta":
+            meaning = "reflection_phase"
         if meaning in found:
             if _is_copy(table, found[meaning], Column(index, factor)):
                 continue
             first = clean_text(table.columns[found[meaning].index], 40)
             raise BadInput(f"{table.name}: the columns {first!r} and {clean_text(title, 40)!r} both hold the {meaning}; keep one")
         found[meaning] = Column(index, factor)
+    if "phase" in found and "magnitude" not in found:
+        if reflects and "reflection_phase" not in found:
+            found["reflection_phase"] = found.pop("phase")
+        elif "admittance" in found and "admittance_phase" not in found:
+            found["admittance_phase"] = found.pop("phase")
     return found
 
 
@@ -230,7 +250,7 @@ def _without_unit(table: Table) -> Iterator[tuple[str, _Title]]:
         if known is None or known.interpreted() or re.search(r"[\s_]", known.unit) or known.unit.lower().startswith("db"):
             continue
         # A quantity without unit, such as S11, has none that could be wrong: the word belongs to the name.
-        if any(quantity.units is not NUMBER for quantity in known.quantities):
+        if all(quantity.units is not NUMBER for quantity in known.quantities):
             yield title, known
 
 

@@ -13,7 +13,7 @@ from motoremi.data.analyser_csv import is_analyser_csv, plain_table
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble, with_units
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
-from motoremi.data.immittance import IMPEDANCE_COLUMNS, REFLECTION, column_values, find_pair, impedance_of, reflection_of
+from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, reflection_of
 from motoremi.data.keysight_trace import is_keysight_trace, parse_keysight_trace
 from motoremi.data.numbers import look_grouped
 from motoremi.data.plausible import implausible
@@ -196,6 +196,12 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
     pair = find_pair(found)
     if pair is None or "frequency" not in found:
         raise _wrong_columns(given, found)
+    used_columns = {column.index for column in found.values()}
+    unused = {meaning for index, title in enumerate(table.columns) if index not in used_columns for meaning in meanings_of(title)}
+    possible = find_pair({*found, *unused}) or pair
+    if pair in REFLECTIONS[1:] and PAIRS.index(possible) < PAIRS.index(pair):
+        # A rounded reflection near 1 says little of R, which other columns hold but for their units.
+        raise _wrong_columns(given, found)
     frequency = rising_frequency(table, found["frequency"])
     used, changes = used_rows(frequency, band, name)
     frequency, table = frequency[used], table.only(used.tolist())
@@ -209,9 +215,9 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
         del header["termination"]
     sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
     impedance = impedance_of(table, found, pair, frequency)
-    if pair.title == REFLECTION.title:
+    if pair in REFLECTIONS:
         refuse_between_ports(header, name)
-        warnings += reflection_warnings(reflection_of(table, found))
+        warnings += reflection_warnings(reflection_of(impedance))
     return Rows(frequency, impedance, sigma, table.where, changes, warnings), header, pair.title
 
 

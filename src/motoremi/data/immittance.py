@@ -1,4 +1,4 @@
-"""Impedance from the pair of quantities in a file: R and X, |Z| and phase, Ls and Rs, S11 ..."""
+"""Impedance from the pair of quantities in a file: R and X, |Z| and phase, Ls and Rs, S11 ..., and whether its other columns agree with it."""
 
 from __future__ import annotations
 
@@ -10,12 +10,20 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.columns import Column
+from motoremi.data.numbers import last_place
 from motoremi.data.table import Table
+from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 
 # (angular frequency, first, second) -> impedance in ohm
 ToImpedance: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], ComplexArray]
 REFERENCE_OHM = 50.0
+# Reference resistances of network analysers, in ohm: beside R and X a file may hold reflections in either.
+_REFERENCES_OHM = (REFERENCE_OHM, 75.0)
+# Largest relative difference of Z between columns of one row beyond the rounding of their numbers: the same as of two readings at one frequency
+# (`repeated`), since some meters measure each pair of quantities anew.
+_AGREE = 0.03
+_MAGNITUDES = ("magnitude", "admittance", "reflection_magnitude")
 # What a table of a sweep needs, for messages.
 IMPEDANCE_COLUMNS = "frequency_hz with resistance_ohm,reactance_ohm or with impedance_ohm,phase_deg"
 
@@ -56,7 +64,26 @@ def _parallel(w: FloatArray, susceptance: FloatArray, loss: FloatArray) -> Compl
     return 1 / _rectangular(w, loss * np.abs(susceptance), susceptance)
 
 
-REFLECTION = Pair("s11_real", "s11_imag", "S11 in 50 Ohm", _reflection)
+def _reflection_polar(w: FloatArray, magnitude: FloatArray, phase_deg: FloatArray) -> ComplexArray:
+    s = _polar(w, magnitude, phase_deg)
+    return REFERENCE_OHM * (1 + s) / (1 - s)
+
+
+def _reflection_db(w: FloatArray, decibels: FloatArray, phase_deg: FloatArray) -> ComplexArray:
+    return _reflection_polar(w, 10 ** (decibels / 20), phase_deg)
+
+
+def _return_loss(w: FloatArray, decibels: FloatArray, phase_deg: FloatArray) -> ComplexArray:
+    # Some programs write it with a minus.
+    return _reflection_db(w, -np.abs(decibels), phase_deg)
+
+
+REFLECTIONS = (
+    Pair("s11_real", "s11_imag", "S11 in 50 Ohm", _reflection),
+    Pair("reflection_db", "reflection_phase", "S11 in dB and its phase, in 50 Ohm", _reflection_db),
+    Pair("return_loss", "reflection_phase", "S11 as return loss and phase, in 50 Ohm", _return_loss),
+    Pair("reflection_magnitude", "reflection_phase", "S11 magnitude and phase, in 50 Ohm", _reflection_polar),
+)
 # In order of preference if a file holds several.
 PAIRS = (
     Pair("resistance", "reactance", "R and X", _rectangular),
@@ -77,7 +104,7 @@ PAIRS = (
     Pair("parallel_inductance", "dissipation_factor", "Lp and D", lambda w, inductance, d: _parallel(w, -1 / (w * inductance), d)),
     Pair("parallel_capacitance", "quality_factor", "Cp and Q", lambda w, c, q: _parallel(w, w * c, 1 / q)),
     Pair("parallel_capacitance", "dissipation_factor", "Cp and D", lambda w, c, d: _parallel(w, w * c, d)),
-    REFLECTION,
+    *REFLECTIONS,
 )
 
 
@@ -92,25 +119,104 @@ def impedance_of(table: Table, found: dict[str, Column], pair: Pair, frequency_h
     Raises
     ------
     BadInput
-        If a magnitude is below 0, a phase is beyond a full turn, or a row has no finite impedance.
+        If a magnitude is below 0, a phase is beyond a full turn, a row has no finite impedance, or another column contradicts it.
     """
+    w = 2 * np.pi * frequency_hz
     first, second = column_values(table, found[pair.first]), column_values(table, found[pair.second])
-    if "phase" in pair.second:
+    if pair.first in _MAGNITUDES:
         for row in np.flatnonzero(first < 0)[:1]:
             raise BadInput(f"{table.where(int(row))}: the magnitude {first[row]:g} is below 0; is it a reactance?")
+    if "phase" in pair.second:
         for row in np.flatnonzero(np.abs(second) > 360)[:1]:
             raise BadInput(f"{table.where(int(row))}: a phase of {second[row]:g} degrees is beyond a full turn")
     with np.errstate(all="ignore"):
-        impedance = pair.impedance(2 * np.pi * frequency_hz, first, second)
+        impedance = pair.impedance(w, first, second)
+        rounded = (_last_places(table, found[pair.first]), _last_places(table, found[pair.second]))
+        moved = (pair.impedance(w, first + rounded[0], second), pair.impedance(w, first, second + rounded[1]))
+        # Where a last digit more makes it infinite, nothing can contradict it.
+        uncertain = np.nan_to_num(sum(np.abs(one - impedance) for one in moved) / np.abs(impedance), nan=np.inf)
     for row in np.flatnonzero(~np.isfinite(impedance))[:1]:
         raise BadInput(f"{table.where(int(row))}: {pair.title} of {first[row]:g} and {second[row]:g} give no finite impedance")
+    for meaning in sorted(set(found) - {pair.first, pair.second}):
+        _refuse_contradiction(table, found, pair, meaning, impedance, uncertain)
     return impedance
 
 
-def reflection_of(table: Table, found: dict[str, Column]) -> ComplexArray:
-    """Reflection coefficient of each row of a table with the pair `REFLECTION`."""
-    real, imaginary = (column_values(table, found[part]) for part in (REFLECTION.first, REFLECTION.second))
-    return real + 1j * imaginary
+def _refuse_contradiction(table: Table, found: dict[str, Column], pair: Pair, meaning: str, impedance: ComplexArray, uncertain: FloatArray) -> None:
+    """Raise `BadInput` at the row where a column contradicts the impedance most, by more than `_AGREE` beyond the rounding of both.
+
+    Columns of inductance, capacitance, Q and D are not compared: meters give them with signs and limits of their own.
+    """
+    if meaning == "resistance" and pair.first.startswith("parallel"):
+        return  # it may be that of the parallel circuit
+    column = found[meaning]
+    expected = _expected(meaning, impedance)
+    if not expected or not len(table.rows):
+        return
+    try:
+        values, rounded = column_values(table, column), _last_places(table, column)
+    except BadInput:
+        return  # a column that is not used may lack values, or hold complex numbers
+    if meaning == "return_loss":
+        values = -np.abs(values)
+    beyond = []
+    for value, slope in expected:
+        apart = values - value
+        if "phase" in meaning:
+            apart = (apart + 180) % 360 - 180
+        beyond.append(np.abs(apart) - rounded - slope * (_AGREE + uncertain))
+    best = min(range(len(beyond)), key=lambda one: float(beyond[one].max()))
+    row = int(np.argmax(beyond[best]))
+    if beyond[best][row] > 0:
+        title, cell = clean_text(table.columns[column.index], 40), clean_text(table.rows[row][column.index], 40)
+        raise BadInput(
+            f"{table.where(row)}: {pair.title} and the column {title!r} contradict each other: it says {cell} where "
+            f"{expected[best][0][row] / column.factor:.6g} follows; remove the columns that are wrong, or write whose they are in their names"
+        )
+
+
+def _expected(meaning: str, impedance: ComplexArray) -> list[tuple[FloatArray, FloatArray]]:
+    """What a column of this meaning holds of an impedance, and its change for a relative change of it by 1; several if it is not known of which
+    reference resistance, none if it is not compared."""
+    size, degree = np.abs(impedance), np.full(impedance.shape, np.rad2deg(1))
+    with np.errstate(all="ignore"):
+        admittance = 1 / impedance
+        of_impedance = {
+            "resistance": (impedance.real, size),
+            "series_resistance": (impedance.real, size),
+            "reactance": (impedance.imag, size),
+            "magnitude": (size, size),
+            "phase": (np.angle(impedance, deg=True), degree),
+            "conductance": (admittance.real, 1 / size),
+            "susceptance": (admittance.imag, 1 / size),
+            "admittance": (1 / size, 1 / size),
+            "admittance_phase": (-np.angle(impedance, deg=True), degree),
+        }
+        if meaning in of_impedance:
+            return [of_impedance[meaning]]
+        if not any(meaning in (pair.first, pair.second) for pair in REFLECTIONS):
+            return []
+        return [_expected_reflection(meaning, (impedance - reference) / (impedance + reference)) for reference in _REFERENCES_OHM]
+
+
+def _expected_reflection(meaning: str, s: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    change = np.abs(1 - s**2) / 2
+    size = np.abs(s)
+    if meaning == "reflection_phase":
+        return np.angle(s, deg=True), np.rad2deg(change / size)
+    if meaning in ("reflection_db", "return_loss"):
+        return 20 * np.log10(size), 20 / np.log(10) * change / size
+    return {"s11_real": s.real, "s11_imag": s.imag}.get(meaning, size), change
+
+
+def _last_places(table: Table, column: Column) -> FloatArray:
+    """One unit in the last digit of each number of a column, in its SI unit."""
+    return np.array([last_place(cells[column.index]) for cells in table.rows]) * abs(column.factor)
+
+
+def reflection_of(impedance: ComplexArray) -> ComplexArray:
+    """Reflection coefficient in 50 Ohm."""
+    return (impedance - REFERENCE_OHM) / (impedance + REFERENCE_OHM)
 
 
 def column_values(table: Table, column: Column) -> FloatArray:

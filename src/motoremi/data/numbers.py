@@ -57,6 +57,12 @@ def parse_number(cell: str, where: str) -> float:
     raise BadInput(f"{where}: {clean_text(text, 40)!r} is not a number; write plain numbers such as 1.5e5")
 
 
+def last_place(cell: str) -> float:
+    """One unit in the last digit of a number as text: 0.01 of `-2.51`, 100 of `1.2e3`."""
+    mantissa, _, exponent = cell.strip().lower().partition("e")
+    return float(10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2])))
+
+
 def complex_parts(cell: str) -> tuple[str, str] | None:
     """Real and imaginary part of a complex number, as text; None for another cell."""
     text = cell.strip()
