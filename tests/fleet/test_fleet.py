@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import motoremi
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -187,12 +188,24 @@ def test_the_command(folder, tmp_path):
     again = CliRunner().invoke(app, arguments)
     assert "0 computed now" in again.stdout
     assert "line/tampered" in again.stdout
+    # Three golden motors are too few.
+    assert "no limits from the golden set: there are 3 golden motors, and at least 5 are needed" in again.stdout
     page = (tmp_path / "out" / "fleet.html").read_text()
     assert "Fleet report" in page
     assert not re.search(r'(?:src|href)="http', page)
     assert len((tmp_path / "out" / "parameters.csv").read_text().splitlines()) == 7
     with pytest.raises(BadInput, match="no sessions"):
         sessions_in(tmp_path / "out")
+
+
+def test_a_pattern_that_matches_no_session_is_refused_before_any_work(folder, tmp_path):
+    done = motoremi("fleet", folder, "--out", tmp_path / "out", "--jobs", "1", "--fit-only", "--golden", "gulden/*")
+    assert done.returncode == 2
+    assert "'gulden/*' of golden sessions matches none of the 8" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(BadInput, match="matches none"):
+        fleet_figures(story(), "gulden/*")
 
 
 def test_each_session_s_own_report(folder, tmp_path):
@@ -241,6 +254,20 @@ def with_value(results: list[dict], session: str, parameter: str, value: float, 
     (one,) = (result for result in results if result["session"] == session)
     one["best"]["parameters"][parameter].update(value=value, sigma=sigma)
     return results
+
+
+def test_too_few_golden_motors_are_told_and_not_shown_as_good():
+    few = [result for result in story() if not result["session"].startswith("golden")] + [
+        result for result in story() if result["session"] in ("golden/m001", "golden/m002", "golden/m007")
+    ]
+    figures = fleet_figures(few, "golden/*")
+    # m007 did not converge.
+    assert figures["no_limits"] == "2 of the 3 golden motors gave a result, and at least 5 are needed"
+    page = fleet_html(figures, "few")
+    assert "none: 2 of the 3 golden motors" in page
+    assert "beyond the golden set's limits" not in page.replace("&#39;", "'").replace("&#x27;", "'")
+    assert fleet_figures(story(), "golden/*")["no_limits"] == ""
+    assert fleet_figures(story())["no_limits"] == ""
 
 
 @pytest.mark.parametrize(("sigma", "told"), [(0.32, False), (0.01, True)])

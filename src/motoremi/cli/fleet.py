@@ -36,13 +36,17 @@ def fleet_(
     from motoremi.data.storage import write_whole
     from motoremi.fleet.page import fleet_html
     from motoremi.fleet.run import RESULTS, DaskCluster, LocalProcesses, run_fleet, sessions_in, settled
-    from motoremi.fleet.statistics import fleet_figures
+    from motoremi.fleet.statistics import fleet_figures, golden_sessions
     from motoremi.fleet.work import Job
 
     root = folder.resolve()
     target = out if out is not None else root.with_name(f"{root.name}-fleet")
     pages = str(target.resolve() / "reports") if reports else ""
-    work = [Job(session, str(root), not fit_only, seed, pages) for session in sessions_in(root)]
+    sessions = sessions_in(root)
+    if golden is not None:
+        # A mistyped pattern is reported before hours of work.
+        golden_sessions(sessions, golden)
+    work = [Job(session, str(root), not fit_only, seed, pages) for session in sessions]
     maker = DaskCluster(scheduler) if scheduler is not None else LocalProcesses(jobs)
     try:
         with progress_bars(as_json) as bars:
@@ -65,6 +69,10 @@ def fleet_(
         say(f"  {name:28s} {number}")
     for name, sessions in figures["findings"].items():
         say(f"  found, serious: {name:12s} {len(sessions)}")
+    if figures["no_limits"]:
+        say(f"  no limits from the golden set: {figures['no_limits']}")
+    elif golden is not None:
+        say(f"  beyond the golden set's limits: {len({entry['session'] for entry in figures['beyond_limits']})} motors")
     for trouble in figures["troubles"][:10]:
         say(f"  {trouble['session']}: {trouble['trouble']}")
     say(f"report: {target / 'fleet.html'}\ntables: {target / 'fleet.json'}, {target / 'parameters.csv'}")

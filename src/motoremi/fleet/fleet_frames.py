@@ -35,7 +35,7 @@ def fleet_frames(folder: str | os.PathLike[str], golden: str | None = None) -> d
     Raises
     ------
     BadInput
-        If there are no results.
+        If there are no results, or the pattern matches no session.
     """
     log = Path(folder) / RESULTS
     last = {str(result["session"]): result for result in stored_results(log)}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.arrays import JsonDict
+from motoremi.fleet.statistics import FEWEST
 from motoremi.quantities import percent, show
 from motoremi.report.axes import BLUE, VERMILION
 from motoremi.report.contents import Box, Picture, Report, Section, Table
@@ -34,8 +35,7 @@ def _report(figures: JsonDict, title: str) -> Report:
         ("outliers", f"{len({o['session'] for o in figures['outliers']})} motors", "plain"),
     ]
     if figures["golden"]:
-        beyond = len({entry["session"] for entry in figures["beyond_limits"]})
-        headline.append(("beyond the golden set's limits", f"{beyond} motors", "bad" if beyond else "good"))
+        headline.append(_beyond_limits(figures))
     sections = [_distributions(figures), _missing(figures), _found(figures), _drifts(figures), _strays(figures)]
     if figures["golden"]:
         sections.append(_golden(figures))
@@ -49,6 +49,14 @@ def _report(figures: JsonDict, title: str) -> Report:
         tuple(sections),
         figures,
     )
+
+
+def _beyond_limits(figures: JsonDict) -> tuple[str, str, str]:
+    """The line of the headline on the golden set's limits."""
+    if figures["no_limits"]:
+        return "limits from the golden set", f"none: {figures['no_limits']}", "bad"
+    beyond = len({entry["session"] for entry in figures["beyond_limits"]})
+    return "beyond the golden set's limits", f"{beyond} motors", "bad" if beyond else "good"
 
 
 def _listed(texts: list[str]) -> str:
@@ -118,8 +126,10 @@ def _golden(figures: JsonDict) -> Section:
     limits = tuple((name, str(x["n"]), _shown(figures, name, x["low"]), _shown(figures, name, x["high"])) for name, x in figures["limits"].items())
     text = f"Sessions {figures['golden']!r} are the golden set. The limits contain 95 % of such motors with 95 % confidence. "
     text += "A value is beyond them if it is so with its own uncertainty."
-    if not limits:
-        return Section("Limits from the golden set", (text, "Fewer than five golden sessions gave a result: no limits."))
+    if figures["no_limits"]:
+        return Section("Limits from the golden set", (text, f"No limits: {figures['no_limits']}."))
+    without = [name for name in figures["parameters"] if name not in figures["limits"]]
+    few = (f"Determined by fewer than {FEWEST} golden motors, so without limits: {', '.join(without)}.",) if without else ()
     beyond = tuple(
         (b["session"], b["parameter"], _shown(figures, b["parameter"], b["value"]))
         for b in sorted(figures["beyond_limits"], key=lambda entry: entry["session"])[:_LONGEST_TABLE]
@@ -128,7 +138,7 @@ def _golden(figures: JsonDict) -> Section:
         Table("Limits", ("parameter", "golden motors", "low", "high"), limits),
         Table("Beyond the limits", ("session", "parameter", "value"), beyond),
     )
-    return Section("Limits from the golden set", (text,), tables if beyond else tables[:1])
+    return Section("Limits from the golden set", (text, *few), tables if beyond else tables[:1])
 
 
 def _histograms(figures: JsonDict) -> Figure:

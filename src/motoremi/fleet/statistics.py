@@ -13,6 +13,7 @@ import numpy as np
 from scipy import stats
 
 from motoremi.arrays import FloatArray, JsonDict
+from motoremi.errors import BadInput
 from motoremi.model.motor import BASE_PARAMETERS
 from motoremi.report.words import findings_of, serious_of
 
@@ -58,7 +59,13 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
     dict
         `counts`, `verdicts`, `effects`, `findings` (each serious one with its sessions), `parameters` (n, median, robust spread, quantiles),
         `undetermined` (sessions whose data do not determine a parameter, which are not compared by it), `drift`, `outliers`, `limits`,
-        `beyond_limits`, `troubles`; and `values`, the columns behind them.
+        `no_limits` (why there are none although golden sessions were named, else empty), `beyond_limits`, `troubles`; and `values`, the columns
+        behind them.
+
+    Raises
+    ------
+    BadInput
+        If the pattern matches no session.
     """
     rows: list[_Row] = []
     units: dict[str, str] = {}
@@ -92,7 +99,8 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
     units["error"] = "%"
     columns = _columns(rows)
     own = {row.session: row.sigma for row in rows}
-    limits = _limits(columns, {row.session for row in rows if golden is not None and fnmatch.fnmatchcase(row.session, golden)})
+    chosen = set() if golden is None else golden_sessions([*own, *(str(trouble["session"]) for trouble in troubles)], golden)
+    limits = _limits(columns, chosen)
     return {
         "schema": "motoremi.fleet/1",
         "counts": {"sessions": len(rows) + len(troubles), "in_the_figures": len(rows), "troubled": len(troubles)},
@@ -105,12 +113,36 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         "outliers": _outliers(columns, own),
         "golden": golden,
         "limits": limits,
+        "no_limits": "" if golden is None or limits else _too_few(len(chosen), len(chosen & own.keys())),
         "beyond_limits": _beyond(columns, limits, own),
         "troubles": troubles,
         "values": {name: dict(column) for name, column in columns.items()},
         "times": {row.session: row.time for row in rows if np.isfinite(row.time)},
         "serials": {row.session: row.serial for row in rows if np.isfinite(row.serial)},
     }
+
+
+def golden_sessions(sessions: Iterable[str], golden: str) -> set[str]:
+    """The sessions that a pattern matches.
+
+    Raises
+    ------
+    BadInput
+        If it matches none.
+    """
+    names = sorted(sessions)
+    found = {name for name in names if fnmatch.fnmatchcase(name, golden)}
+    if not found and names:
+        raise BadInput(
+            f"the pattern {golden!r} of golden sessions matches none of the {len(names)}, which have names such as {names[0]!r}: correct it"
+        )
+    return found
+
+
+def _too_few(named: int, used: int) -> str:
+    """Why there are no limits."""
+    gave = f"{used} of the {named} golden motors gave a result" if used < named else f"there are {used} golden motors"
+    return f"{gave}, and at least {FEWEST} are needed"
 
 
 def _columns(rows: list[_Row]) -> dict[str, dict[str, float]]:
