@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from few_effects import seeking
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
@@ -80,3 +81,13 @@ def test_sweeps_over_different_bands_are_compared_where_they_overlap():
     inside = part.frequency_hz > 1e6
     again = ImpedanceSweep("open", part.frequency_hz[inside], part.impedance_ohm[inside], metadata=part.metadata)
     assert the_same_twice(Measurement.of([whole, again])) is not None
+
+
+def test_exchanged_sweeps_are_data_and_no_effect():
+    renamed = {"short": "open", "open": "short"}
+    sweeps = [measured(7, termination, renamed[termination], connection) for connection, termination in enumerate(("short", "open"))]
+    with seeking():
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert (found.verdict, found.effects) == ("data", ())
+    assert found.findings[0].id == "sweeps-exchanged"
+    assert found.reasons == (found.findings[0].why,)

@@ -89,6 +89,7 @@ RELIABLE: Mapping[str, float] = {
     "data": 0.6,
     "the same sweep twice": 0.7,
     "a phase that no passive part has": 0.95,
+    "exchanged sweeps": 0.95,
     "unexplained": 0.95,
     "unexplained, nearly all described": 0.5,
     "unexplained, two relaxations at one place": 0.7,

@@ -17,6 +17,7 @@ from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key, best_of
 from motoremi.diagnosis.findings import (
     Finding,
+    exchanged_in,
     hardly_seen,
     of_the_amount,
     of_the_analyser,
@@ -68,7 +69,11 @@ LARGEST_FAMILY = 6
 # Serious findings for which the verdict is `data` if no model is accepted.
 ABOUT_THE_DATA = frozenset({"wrong-phase", "sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance"})
 # Findings that make the data useless whatever the model, and the kind of their verdict.
-CONTRADICTIONS = {"wrong-phase": "a phase that no passive part has", "sweeps-disagree": "the same sweep twice"}
+CONTRADICTIONS = {
+    "wrong-phase": "a phase that no passive part has",
+    "sweeps-exchanged": "exchanged sweeps",
+    "sweeps-disagree": "the same sweep twice",
+}
 # What was tried beside single effects, by size of the largest sets that were compared.
 TRIED_BESIDE = ("", "", ", nor do two of them", ", nor do two of them, nor a third beside the best two")
 # Number of searches for outliers, each without those found before.
@@ -291,7 +296,7 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     """
     search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
     with own_processes() if map is None else nullcontext(map) as each:
-        if wrong_phase_in(fit.measurement) is not None or the_same_twice(fit.measurement) is not None:
+        if any(contradicts(fit.measurement) is not None for contradicts in (wrong_phase_in, exchanged_in, the_same_twice)):
             # No model will be accepted, unless the base or one effect makes both sweeps those of one motor; the others are ranked for display.
             alone = Declared(judge(fit, search, ONE_EFFECT, each))
             if contradiction_in(fit.measurement, alone.judgement) is not None:
@@ -343,8 +348,11 @@ def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map
 
 
 def contradiction_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
-    """The finding that makes the data useless, whatever the model: a phase that no passive part has, or one sweep under two names."""
-    return wrong_phase_in(measurement) or twice_in(measurement, judgement)
+    """The finding that makes the data useless: a phase that no passive part has, exchanged sweeps, or one sweep under two names.
+
+    Sweeps are not exchanged if a model describes them as they are.
+    """
+    return wrong_phase_in(measurement) or (None if judgement.accepted else exchanged_in(measurement)) or twice_in(measurement, judgement)
 
 
 def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:

@@ -9,7 +9,7 @@ import numpy as np
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
-from motoremi.data.mislabelled import measured_twice
+from motoremi.data.mislabelled import exchanged, measured_twice
 from motoremi.data.moved import student_factor
 from motoremi.data.plausible import SENTENCES, wrong_phase
 from motoremi.data.sweep import RepeatedSweep
@@ -257,6 +257,18 @@ def wrong_phase_in(measurement: Measurement) -> Finding | None:
                 _span(sweep.frequency_hz),
             )
     return None
+
+
+def exchanged_in(measurement: Measurement) -> Finding | None:
+    """The finding that each of the two sweeps looks as the other one must."""
+    if not exchanged(measurement.sweeps):
+        return None
+    return Finding(
+        "sweeps-exchanged",
+        "the short and the open sweeps seem to be exchanged: at low frequencies the short one is a capacitance and the open one is not",
+        "check the far end of the winding; if the files were exchanged, import them again the other way round",
+        True,
+    )
 
 
 def of_the_labels(measurement: Measurement) -> list[Finding]:
