@@ -7,9 +7,10 @@ import time
 import numpy as np
 import pytest
 
+from motoremi.data.corrections import Corrections
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.compliance import Compliance, compliance
-from motoremi.emission.finals import Rules, choose_maxima
+from motoremi.emission.finals import Rules, choose_maxima, final_values, judge_with_finals
 from motoremi.emission.judge import judge_spectra
 from motoremi.emission.limit import Limit, LimitLine, find_limit
 from motoremi.emission.predict import predict
@@ -32,7 +33,20 @@ def with_level(spectrum: Spectrum, level_dbuv: float, low_hz: float, high_hz: fl
 
 
 def verdict(spectra, limit: Limit = CISPR32, finals=()) -> Compliance:
-    return compliance(spectra, finals, judge_spectra(spectra, limit), limit, 3.4)
+    judged = judge_with_finals(final_values(finals, Corrections(), limit), finals, spectra, limit, 3.4) if finals else judge_spectra(spectra, limit)
+    return compliance(spectra, finals, judged, limit, 3.4)
+
+
+def final(detector: str, hertz: float, level_dbuv: float, **more) -> Spectrum:
+    """A final value at a frequency of the scans."""
+    at_hz = float(AXIS[np.argmin(np.abs(AXIS - hertz))])
+    axis = at_hz + np.array([-4.5e3, -2.25e3, 0, 2.25e3, 4.5e3])
+    return Spectrum(detector, axis, level_dbuv - np.array([6, 2, 0, 2, 6]), metadata={"maximum_hz": at_hz, **more})
+
+
+def line_at(detector: str, hertz: float, level_dbuv: float, **more) -> Spectrum:
+    """A scan of 20 dBuV with one line."""
+    return with_level(flat(detector, 20, **more), level_dbuv, hertz - 2.2e3, hertz + 2.2e3)
 
 
 def test_low_levels_of_both_detectors_over_the_whole_span_pass_without_a_remark():
@@ -184,6 +198,79 @@ def test_a_maximum_above_the_limit_without_a_final_value_is_not_shown_to_comply(
     assert found.reasons[0].startswith(
         "quasi-peak: 1 maxima of the scans are above that limit and have no final value, the highest by 14.0 dB at 2.9985 MHz"
     )
+
+
+LONG, SHORT = {"dwell_s": 1.0}, {"dwell_s": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("scanned", "level_dbuv", "settings", "read", "says"),
+    [
+        ("quasi-peak", 67, LONG, 38, "29.0 dB below the quasi-peak scan, which is 7.0 dB above that limit: was the motor still running?"),
+        ("cispr-average", 57, LONG, 38, "19.0 dB below the cispr-average scan, which is 7.0 dB above that limit: was the motor still running?"),
+        ("average", 57, LONG, 38, "19.0 dB below the average scan, which is 7.0 dB above that limit: was the motor still running?"),
+        ("quasi-peak", 64, SHORT, 56, "8.0 dB below the quasi-peak scan, which is 4.0 dB above that limit: was the motor still running?"),
+        # Both below the guard band, but not of the same disturbance.
+        ("quasi-peak", 55, LONG, 38, "17.0 dB below the quasi-peak scan, which is 5.0 dB below that limit: was the motor still running?"),
+        ("quasi-peak", 58, LONG, 56, "2.0 dB below the quasi-peak scan, which is 2.0 dB below that limit: the higher reading counts"),
+    ],
+)
+def test_a_final_value_does_not_cancel_a_higher_scan_by_the_same_detector(scanned, level_dbuv, settings, read, says):
+    """At 20 MHz the limits are 60 dBuV (quasi-peak) and 50 dBuV (average)."""
+    detector = "quasi-peak" if scanned == "quasi-peak" else "cispr-average"
+    spectra = [line_at("peak", 20e6, 68), line_at(scanned, 20e6, level_dbuv, settings=settings)]
+    found = verdict(spectra, finals=[final("quasi-peak", 20e6, min(read, 59)), final(detector, 20e6, read)])
+    assert found.verdict == "marginal"
+    assert f"at 19.9995 MHz the {detector} final value is {says}" in found.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("scanned", "level_dbuv", "settings", "read"),
+    [
+        # A few dB are usual.
+        ("quasi-peak", 55, LONG, 52),
+        # A part of a burst.
+        ("average", 57, SHORT, 38),
+        # Noise of the receiver.
+        ("quasi-peak", 45, LONG, 30),
+    ],
+)
+def test_a_final_value_may_be_below_a_scan(scanned, level_dbuv, settings, read):
+    spectra = [line_at("peak", 20e6, 68), line_at(scanned, 20e6, level_dbuv, settings=settings)]
+    finals = [final("quasi-peak", 20e6, read), final("cispr-average", 20e6, min(read, 40))]
+    assert verdict(spectra, finals=finals).verdict == "pass"
+
+
+def test_a_maximum_inside_the_guard_band_of_the_limits_own_detector_needs_a_final_value():
+    lines = with_level(line_at("cispr-average", 20e6, 45), 49.9, 6.998e6, 7.002e6)
+    spectra, finals = [line_at("peak", 20e6, 59), lines], [final("quasi-peak", 20e6, 50), final("cispr-average", 20e6, 44)]
+    found = verdict(spectra, finals=finals)
+    assert found.verdict == "marginal"
+    assert found.reasons[0].startswith(
+        "average: 1 maxima of the scans are inside the guard band of that limit and have no final value, the highest 0.1 dB below the limit at 6.9"
+    )
+    assert verdict(spectra, finals=[*finals, final("cispr-average", 7e6, 45)]).reasons[0].endswith("the higher reading counts")
+
+
+def test_a_maximum_beside_one_that_was_measured_again_is_not_measured_again():
+    """20 kHz apart, and the final measurement is 9 kHz wide."""
+    lines = with_level(line_at("quasi-peak", 20e6, 55), 59.5, 20.018e6, 20.022e6)
+    found = verdict([line_at("peak", 20e6, 68), lines, flat("average", 20)], finals=[final("quasi-peak", 20e6, 54)])
+    assert found.reasons[0].startswith("quasi-peak: 1 maxima of the scans are inside the guard band")
+
+
+def test_a_line_without_final_values_is_judged_by_its_scans():
+    scans = [flat("quasi-peak", 70 if line == "N" else 40, line=line) for line in ("L1", "N")] + [flat("average", 20, line="L1")]
+    found = verdict(scans, finals=[final("quasi-peak", 20e6, 38, line="L1")])
+    assert found.verdict == "fail"
+    assert found.reasons[0].startswith("line N: quasi-peak: above the quasi-peak limit by 14.0 dB")
+
+
+def test_final_values_and_scans_are_compared_with_their_corrections():
+    pad = Corrections.of([{"name": "pad", "role": "receiver", "kind": "loss", "db": 10.0}], "test")
+    spectra = [line_at("quasi-peak", 20e6, 45, settings=LONG), flat("average", 20)]
+    told = predict(None, spectra=spectra, finals=[final("quasi-peak", 20e6, 44)], limit=CISPR32, corrections=pad)
+    assert (told.verdict, told.reasons) == ("pass", ())
 
 
 def test_final_values_that_the_receivers_file_holds_leave_it_open():

@@ -1,14 +1,16 @@
 """The verdict on all levels together: what is above the limit, and what of the limit the measurements do not show.
 
 A pass needs, on every line of the LISN and in every operating state that was measured, levels below each limit line wherever there are scans. Where
-there are final values, a maximum of the scans above the limit needs one. If that is not shown, the verdict is marginal at best. It is on the part
-of the limit's span that was measured; what was not is told with it. Where scans were repeated, the highest reading of a detector counts.
+there are final values, a maximum of the scans above the limit needs one; so does one inside the guard band that the limit's own detector shows. If
+that is not shown, the verdict is marginal at best. It is on the part of the limit's span that was measured; what was not is told with it.
+
+Where scans were repeated, the highest reading of a detector counts, and a final value does not cancel a higher scan by the same detector.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -30,6 +32,12 @@ GAP = 4.0
 LISTED = 4
 # A maximum of a scan is the same as one that was measured again if it is nearer than this.
 APART_HZ = Rules().apart_hz
+# Final values are taken of maxima that are nearer to the limit than this; lower ones are often noise of the receiver, which its attenuator shifts.
+NEAR_DB = Rules().margin_db
+# Readings of one detector at a running motor, one after the other, differ by a few dB.
+SCATTER_DB = 6.0
+# With less time at a point the linear average is no final value.
+FINAL_DWELL_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -48,7 +56,7 @@ def compliance(spectra: Sequence[Spectrum], finals: Sequence[Spectrum], judged: 
     spectra : sequence of Spectrum
         Scans of the running motor, corrected.
     finals : sequence of Spectrum
-        Short scans around the maxima.
+        Short scans around the maxima, corrected.
     judged : sequence of Judged
         Verdicts on their levels, one by one.
     limit : Limit
@@ -95,8 +103,11 @@ def _on_line(
         return None, f"{line.detector}: not measured"
     final = [spectrum for spectrum in finals if line_for(limit, spectrum.detector) is line]
     left = _not_valid([*exact, *higher], line, measured) or _overloaded(exact, line, measured, guard_db)
-    if not left:
-        left = _not_read_again([*exact, *higher], final, line) if final else _not_below(exact, higher, line, measured, guard_db)
+    if not left and final:
+        found = _contradicted(exact, final, line, guard_db), _not_read_again(exact, higher, final, line, guard_db)
+        left = "; ".join(text for text in found if text)
+    elif not left:
+        left = _not_below(exact, higher, line, measured, guard_db)
     verdict: Verdict | None = worst.verdict if worst is not None and worst.verdict != "pass" else None if left else "pass"
     said = [f"{worst.detector}: {worst.why}"] if worst is not None and worst.verdict != "pass" else []
     said += [left] if left and (worst is None or worst.verdict is not None) else []
@@ -146,22 +157,73 @@ def _not_below(exact: Sequence[Spectrum], higher: Sequence[Spectrum], line: Limi
     return f"{line.detector}: {detector} is not below that limit by the guard band at {_listed(left)}; measure {line.detector} there"
 
 
-def _not_read_again(speaking: Sequence[Spectrum], finals: Sequence[Spectrum], line: LimitLine) -> str:
-    """How many maxima of the scans are above a limit line and have no final value; empty if there are none."""
-    known = np.array([float(spectrum.metadata.get("maximum_hz", spectrum.frequency_hz.mean())) for spectrum in finals])
-    above: list[tuple[float, float]] = []
-    for spectrum in speaking:
-        margin = line.level_dbuv(spectrum.frequency_hz) - spectrum.level_dbuv
-        for index in np.flatnonzero(tops(spectrum.level_dbuv, np.isfinite(margin)) & (margin < 0)):
-            if np.min(np.abs(known - spectrum.frequency_hz[index])) >= APART_HZ:
-                above.append((float(margin[index]), float(spectrum.frequency_hz[index])))
-    if not above:
+def _contradicted(exact: Sequence[Spectrum], finals: Sequence[Spectrum], line: LimitLine, guard_db: float) -> str:
+    """Where a final value is much lower than a scan by a limit's own detector, or only the scan is too high to pass; empty if that is nowhere.
+
+    Both are measurements of the same, so the higher reading counts.
+    """
+    found: list[tuple[float, str]] = []
+    for scan in (one for one in exact if _is_final(one)):
+        margin = line.level_dbuv(scan.frequency_hz) - scan.level_dbuv
+        comparable = np.isfinite(margin) & ~_reads(scan, low=False)
+        for final in finals:
+            same = comparable & _within(scan, final)
+            if not same.any():
+                continue
+            top = int(np.argmin(np.where(same, margin, np.inf)))
+            lower_db = float(scan.level_dbuv[top] - final.level_dbuv.max())
+            alone = not _below(scan, line, guard_db)[top] and bool(_below(final, line, guard_db).all())
+            impossible = lower_db > SCATTER_DB and ORDER.index(final.detector) <= ORDER.index(scan.detector)
+            if alone or (impossible and margin[top] < NEAR_DB):
+                side = f"{abs(margin[top]):.1f} dB {'below' if margin[top] >= 0 else 'above'} that limit"
+                what = "was the motor still running? measure both again" if impossible else "the higher reading counts"
+                what = f"the {final.detector} final value is {lower_db:.1f} dB below the {scan.detector} scan, which is {side}: {what}"
+                found.append((float(margin[top]), f"{line.detector}: at {scan.frequency_hz[top] / 1e6:.6g} MHz {what}"))
+    return min(found)[1] if found else ""
+
+
+def _is_final(scan: Spectrum) -> bool:
+    """Whether a scan by a limit's own detector reads no higher than a final value would.
+
+    A meter that had too little time reads lower; only the linear average over a part of a burst reads higher than over a second.
+    """
+    settings = scan.metadata.get("settings")
+    dwell = settings.get("dwell_s") if isinstance(settings, Mapping) else None
+    return scan.detector != "average" or not isinstance(dwell, (int, float)) or dwell >= FINAL_DWELL_S
+
+
+def _within(scan: Spectrum, final: Spectrum) -> BoolArray:
+    """Points of a scan that a final measurement covers."""
+    before, after = steps_beside(scan.frequency_hz)
+    inside: BoolArray = (scan.frequency_hz + after / 2 >= final.frequency_hz[0]) & (scan.frequency_hz - before / 2 <= final.frequency_hz[-1])
+    return inside
+
+
+def _not_read_again(exact: Sequence[Spectrum], higher: Sequence[Spectrum], finals: Sequence[Spectrum], line: LimitLine, guard_db: float) -> str:
+    """How many maxima of the scans, above a limit line or by its own detector inside the guard band, have no final value; empty for none."""
+    known_hz = np.array([float(spectrum.metadata.get("maximum_hz", spectrum.frequency_hz.mean())) for spectrum in finals])
+    margins: list[tuple[float, float]] = []
+    for scan in (*exact, *higher):
+        margin = line.level_dbuv(scan.frequency_hz) - scan.level_dbuv
+        if scan in exact and _is_final(scan):
+            known = np.any([_within(scan, final) for final in finals], axis=0)
+        else:
+            known = np.min(np.abs(known_hz[:, None] - scan.frequency_hz), axis=0) < APART_HZ
+        # What the limit's own detector would read is lower than a reading of a higher detector, so that one needs no guard band.
+        too_high = ~_below(scan, line, guard_db if scan in exact else 0.0)
+        left = tops(-margin, np.isfinite(margin)) & too_high & ~known
+        margins += zip(margin[left].tolist(), scan.frequency_hz[left].tolist(), strict=True)
+    if not margins:
         return ""
-    margin_db, hertz = min(above)
-    return (
-        f"{line.detector}: {len(above)} maxima of the scans are above that limit and have no final value, the highest by {-margin_db:.1f} dB at "
-        f"{hertz / 1e6:.6g} MHz: measure more maxima again"
-    )
+    margin_db, hertz = min(margins)
+    above = sum(one < 0 for one, _ in margins)
+    at = f"at {hertz / 1e6:.6g} MHz"
+    if above:
+        side, highest = "above that limit", f"the highest by {-margin_db:.1f} dB {at}"
+        highest += f", and {len(margins) - above} inside its guard band" if above < len(margins) else ""
+    else:
+        side, highest = "inside the guard band of that limit", f"the highest {margin_db:.1f} dB below the limit {at}"
+    return f"{line.detector}: {above or len(margins)} maxima of the scans are {side} and have no final value, {highest}: measure more maxima again"
 
 
 def _left_out(spectra: Sequence[Spectrum]) -> Iterable[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.corrections import Corrections
 from motoremi.data.spectrum import Spectrum
-from motoremi.emission.judge import ORDER, Judged, judge_spectra, line_for, verdict_of
+from motoremi.emission.judge import ORDER, Judged, judge_spectra, line_for, place_of, verdict_of
 from motoremi.emission.limit import Limit
 from motoremi.errors import BadInput
 
@@ -203,11 +203,15 @@ def _final(spectrum: Spectrum, corrections: Corrections, limit: Limit) -> Final:
     )
 
 
-def judge_with_finals(values: Sequence[Final], running: Sequence[Spectrum], limit: Limit, expanded_uncertainty_db: float) -> list[Judged]:
-    """Final values against the limit; the prescan is judged only against limit lines without final values."""
+def judge_with_finals(
+    values: Sequence[Final], finals: Sequence[Spectrum], running: Sequence[Spectrum], limit: Limit, expanded_uncertainty_db: float
+) -> list[Judged]:
+    """Final values against the limit; a scan is judged only against limit lines without final values on its line and in its operating state."""
     judged = judge_finals(values, limit, expanded_uncertainty_db)
-    settled = {one.line for one in judged}
-    return judged + [one for one in judge_spectra(running, limit, expanded_uncertainty_db) if one.line not in settled]
+    lines = {one.detector: one.line for one in judged}
+    settled = {(lines[final.detector], *place_of(final)) for final in finals if final.detector in lines}
+    scans = judge_spectra(running, limit, expanded_uncertainty_db)
+    return judged + [one for one in scans if (one.line, one.conductor, one.operating) not in settled]
 
 
 def judge_finals(values: Sequence[Final], limit: Limit, expanded_uncertainty_db: float) -> list[Judged]:

@@ -260,12 +260,13 @@ def predict(
     levels = {} if motor is None else chosen.levels(frequency, motor_function(motor, chosen)(frequency))
     values = final_values(finals, corrections, bound)
     if values:
-        judged = judge_with_finals(values, running, bound, guard_db)
+        judged = judge_with_finals(values, finals, running, bound, guard_db)
     elif running:
         judged = judge_spectra(running, bound, guard_db)
     else:
         judged = judge_prediction(frequency, {str(name): level for name, level in levels.items()}, bound, guard_db)
-    shown = compliance(running, finals, judged, bound, guard_db) if running else of_prediction(judged, bound)
+    corrected_finals = [corrections.corrected_spectrum(final) for final in finals]
+    shown = compliance(running, corrected_finals, judged, bound, guard_db) if running else of_prediction(judged, bound)
     return Prediction(
         frequency,
         levels,
