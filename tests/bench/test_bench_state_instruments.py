@@ -234,6 +234,25 @@ def test_a_simulated_reader_is_asked_over_a_serial_line() -> None:
         ({"example": "1 2", "field": 1, "unit": "rpm"}, "---- 2", None),
         ({"example": "1 2", "field": 1, "unit": "rpm"}, "1 " + "2" * 200, None),
         ({"example": "n=1 rpm", "pattern": r"n=([\d.]+) rpm", "unit": "rpm"}, "n=30", None),
+        # Another unit, another sensor, another key; a time of day is neither.
+        ({"example": "T= 23.5 C", "field": 2, "unit": "degC"}, "T= 24.5 C", 24.5),
+        ({"example": "T= 23.5 C", "field": 2, "unit": "degC"}, "T= 74.3 F", None),
+        ({"example": "T1 23.5", "field": 2, "unit": "degC"}, "T2 24.5", None),
+        ({"example": "23.5; C", "field": 1, "separator": ";", "unit": "degC"}, "24.5;C", 24.5),
+        ({"example": "09:15:00 23.5 C", "field": 2, "unit": "degC"}, "17:03:21 24.5 C", 24.5),
+        ({"example": "23.5 950", "field": 1, "unit": "degC"}, "24.5 ----", 24.5),
+        # Nothing was measured.
+        ({"example": "2.35000000E+01", "field": 1, "unit": "degC"}, "9.90000000E+37", None),
+        ({"example": "2.35000000E+01", "field": 1, "unit": "degC"}, "-9.90000000E+37", None),
+        ({"example": "2.35000000E+01", "field": 1, "unit": "degC"}, "9.91E37", None),
+        # Signs of thousands, and characters that Python takes for digits.
+        ({"example": "950 rpm", "field": 1, "unit": "rpm"}, "3,012 rpm", None),
+        ({"example": "950 rpm", "field": 1, "unit": "rpm"}, "3012 rpm", 3012.0),
+        ({"example": "950 rpm", "field": 1, "unit": "rpm"}, "3_012 rpm", None),
+        ({"example": "950 rpm", "field": 1, "unit": "rpm"}, "\u0663012 rpm", None),
+        ({"example": "23,5 C", "field": 1, "unit": "degC"}, "1.234 C", None),
+        ({"example": "23,5 C", "field": 1, "unit": "degC"}, "1234 C", 1234.0),
+        ({"example": "n=950 rpm", "pattern": r"n=([\d.,]+) rpm", "unit": "rpm"}, "n=3,012 rpm", None),
     ],
 )
 def test_what_a_line_says(keys: dict[str, object], line: str, value: float | None) -> None:

@@ -8,12 +8,17 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
+from motoremi.bench.meter import NOT_MEASURED
 from motoremi.errors import BadInput
 from motoremi.schema.strict import Strict
 
 LONGEST_LINE = 120
 # Limits the time of a match, since a pattern may come from an untrusted file: three repeats over 120 characters take no noticeable time.
 MOST_REPEATS = 3
+# A number as instruments write it, without signs of thousands.
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+# Digits that are no part of a name such as T1.
+_DIGITS = re.compile(r"(?<![A-Za-z_\d])\d+", re.ASCII)
 # Unit on the line -> quantity, factor and offset to the unit of that quantity.
 UNITS: dict[str, tuple[str, float, float]] = {
     "rpm": ("speed_rpm", 1.0, 0.0),
@@ -34,7 +39,12 @@ class Lines(Strict):
     example: str = Field(
         min_length=1, max_length=LONGEST_LINE, description="a line as the instrument sends it; field or pattern must find a number in it"
     )
-    field: int | None = Field(default=None, ge=1, le=50, description="which field of the line is the number, from 1; or give a pattern")
+    field: int | None = Field(
+        default=None,
+        ge=1,
+        le=50,
+        description="which field of the line is the number, from 1; words in other fields must be those of the example; or give a pattern",
+    )
     separator: str = Field(default="", max_length=5, description="what separates fields; empty: spaces")
     pattern: str | None = Field(default=None, max_length=200, description="regular expression of the whole line, with one group around the number")
     unit: Literal["rpm", "Hz", "degC", "K", "degF", "V", "mV", "A", "mA"] = Field(description="unit of the number; Hz means revolutions per second")
@@ -67,16 +77,18 @@ class Lines(Strict):
         return UNITS[self.unit][0]
 
     def value(self, line: str) -> float | None:
-        """The reading of a line, in the unit of its quantity; None if the line is not of this kind."""
+        """The reading of a line, in the unit of its quantity; None if the line is not of this kind, or marks that nothing was measured."""
         span = self.span(line)
         if span is None:
             return None
-        try:
-            number = float(line[slice(*span)].strip().replace(",", "."))
-        except ValueError:
+        text = line[slice(*span)].strip()
+        if self._has_decimal_comma:
+            # A point would separate thousands.
+            text = text.replace(".", " ").replace(",", ".")
+        if not _NUMBER.fullmatch(text) or abs(number := float(text)) > NOT_MEASURED:
             return None
         _, factor, offset = UNITS[self.unit]
-        return number * self.scale * factor + offset if math.isfinite(number) else None
+        return number * self.scale * factor + offset
 
     def written(self, line: str, value: float) -> str:
         """The same line with another value, for the simulated instrument."""
@@ -95,9 +107,26 @@ class Lines(Strict):
             return found.span(1) if found and found[1] is not None else None
         fields = _fields(line, self.separator)
         # A truncated line has fewer fields.
-        if self.field is None or len(fields) != len(_fields(self.example, self.separator)) or self.field > len(fields):
+        expected = _fields(self.example, self.separator)
+        if self.field is None or len(fields) != len(expected) or self.field > len(fields):
             return None
+        for number, (own, other) in enumerate(zip(expected, fields, strict=True), start=1):
+            # A field that is a number in the example is another reading, and free. Words, such as a unit, must be the same.
+            if number != self.field and not _same_words(self.example[slice(*own)].strip(), line[slice(*other)].strip()):
+                return None
         return fields[self.field - 1]
+
+    @property
+    def _has_decimal_comma(self) -> bool:
+        span = self.span(self.example)
+        return span is not None and "," in self.example[slice(*span)]
+
+
+def _same_words(expected: str, text: str) -> bool:
+    """Whether a field is like that of the example: anything where the example has a number, else the same but for digits, as in a time of day."""
+    if _NUMBER.fullmatch(expected.replace(",", ".")):
+        return True
+    return _DIGITS.sub("0", expected) == _DIGITS.sub("0", text)
 
 
 def _fields(line: str, separator: str) -> list[tuple[int, int]]:
