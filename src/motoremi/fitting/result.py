@@ -41,6 +41,9 @@ SPECIFIED_SIGMA = 3.0
 # Error bars are those of an analyser whose errors are twice as large as declared: by so many times the declared variance that is more. With errors
 # of that size 90 % of 107 intervals of 95 % contained the truth; 84 % with the average over how much worse analysers may be (1.7).
 WORSE = 2.0**2 - 1
+# Standard deviations by which chi-squared is above what noise and analyser leave: of a complex value at each point its mean has one of
+# 1 / sqrt(points).
+PLAINLY_MORE = 5.0
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.
 LEAST_LIKELY = 1e-3
 
@@ -152,6 +155,9 @@ class Fit:
         if value > self.corrected_error_percent or self.sizes.discrepancy >= PLAIN:
             # If the circuit is fitted by its relative error, or only a sharp feature makes the discrepancy large, the error itself is undescribed.
             low, value, high = (self.corrected_error_percent / value * limit for limit in (low, value, high))
+        if self.chi2_reduced > 1 + PLAINLY_MORE / np.sqrt(self.measurement.points):
+            # A misfit at a few points, as beside a sharp resonance, is no discrepancy that is smooth along frequency.
+            high = max(high, self.corrected_error_percent * float(np.sqrt(1 - 1 / self.chi2_reduced)))
         if self.analyser_sigma > BEYOND_SIGMA:
             # An error that the analyser could have caused only beyond its specification is undescribed too.
             beyond = float(np.sqrt(max(self.corrected_error_percent**2 - self.noise_percent**2, 0.0)))
