@@ -34,7 +34,8 @@ def parse(text: str | float | int, unit: str) -> float:
         # QuantiPhy reads "M" as mega and "m" as milli, as SI does; "Ohm" is the field's spelling of Ω.
         quantity = Quantity(str(text).replace("Ω", "Ohm").replace("ohm", "Ohm"))
     except QuantiPhyError as error:
-        raise BadInput(f"cannot read {str(text)!r} as a quantity in {unit} (write for example '150 kHz')") from error
+        example = "150 kHz" if unit == "Hz" else f"2.5 {unit}"
+        raise BadInput(f"cannot read {str(text)!r} as a quantity in {unit} (write for example '{example}')") from error
     value = float(quantity)
     # Before the unit: QuantiPhy takes the prefix of "nan kHz" for a part of it.
     if not math.isfinite(value):

@@ -261,10 +261,10 @@ def _sweeps(
     BadInput
         As the readers, and for a fixture that applies to none of the files.
     """
-    from motoremi.data.files import read_impedance
+    from motoremi.data.files import read_impedances
 
     files = [(path, "short") for path in short] + [(path, "open") for path in open_]
-    sweeps = [read_impedance(path, termination, fixture, band, units) for path, termination in files]
+    sweeps = [sweep for path, termination in files for sweep in read_impedances(path, termination, fixture, band, units)]
     if fixture is not None and not any(sweep.metadata["read_as"].startswith(("S21 of", "S11 of")) for sweep in sweeps):
         raise BadInput("--fixture is for Touchstone files of two ports (.s2p), and none of the files is one")
     return sweeps

@@ -7,19 +7,21 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.agilent_ascii import is_agilent_ascii, parse_agilent_ascii
 from motoremi.data.analyser_csv import is_analyser_csv, plain_table
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble, with_units
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
-from motoremi.data.immittance import IMPEDANCE_COLUMNS, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, reflection_of
+from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, reflection_of
 from motoremi.data.keysight_trace import is_keysight_trace, parse_keysight_trace
 from motoremi.data.numbers import look_grouped
-from motoremi.data.plausible import implausible
+from motoremi.data.plausible import implausible, negative_resistance
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
-from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, rising_frequency, used_rows
+from motoremi.data.rows import Band, Rows, in_rising_order, reflection_warnings, refuse_between_ports, rising_frequency, used_rows
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.spectrum_header import kept_header, spectrum_header
 from motoremi.data.spectrum_table import SPECTRUM_EXAMPLE, spectra_of_table
@@ -76,7 +78,36 @@ def parse_impedance(
     text: str, name: str, termination: str, fixture: str | None = None, band: Band | None = None, units: Mapping[str, str] | None = None
 ) -> ImpedanceSweep:
     """One impedance sweep from the text of a file; see `read_impedance`."""
-    rows, header, kind = _impedance_rows(text, name, termination, fixture, band, units or {})
+    sweeps = parse_impedances(text, name, termination, fixture, band, units)
+    if len(sweeps) > 1:
+        raise BadInput(f"{name}: its table holds {len(sweeps)} {termination} sweeps; motoremi import and read_impedances read them all")
+    return sweeps[0]
+
+
+def read_impedances(
+    path: str | os.PathLike[str],
+    termination: str,
+    fixture: str | None = None,
+    band: Band | None = None,
+    units: Mapping[str, str] | None = None,
+) -> list[ImpedanceSweep]:
+    """Read the sweeps of one termination in a file: one, or those of a table of several with a column `termination`, as `motoremi export` writes.
+
+    Parameters and exceptions are those of `read_impedance`.
+    """
+    name, text = _read_text(path)
+    return parse_impedances(text, name, termination, fixture, band, units)
+
+
+def parse_impedances(
+    text: str, name: str, termination: str, fixture: str | None = None, band: Band | None = None, units: Mapping[str, str] | None = None
+) -> list[ImpedanceSweep]:
+    """The sweeps of one termination from the text of a file; see `read_impedances`."""
+    readings = _readings(text, name, termination, fixture, band, units or {})
+    return [_finished(rows, header, kind, name, termination) for rows, header, kind in readings]
+
+
+def _finished(rows: Rows, header: JsonDict, kind: str, name: str, termination: str) -> ImpedanceSweep:
     merged = merge_duplicates(rows)
     if "accuracy_percent" in header:
         header["accuracy_percent"] = of_file(name, lambda: checked_accuracy(header["accuracy_percent"]))
@@ -91,25 +122,58 @@ def _condition(header: JsonDict, name: str) -> Condition | None:
     return of_file(name, lambda: parse_condition(written[0])) if written else None
 
 
-def _impedance_rows(
+def _readings(
     text: str, name: str, termination: str, fixture: str | None, band: Band | None, units: Mapping[str, str]
-) -> tuple[Rows, JsonDict, str]:
-    """The rows of a file, its header with `read_as`, and the name of its format."""
+) -> list[tuple[Rows, JsonDict, str]]:
+    """Of each sweep in a file the rows, the header with `read_as`, and the name of its format."""
     if is_agilent_ascii(text):
         frequency, impedance, header = parse_agilent_ascii(text, name)
         used, changes = used_rows(frequency, band, name)
-        return Rows(frequency[used], impedance[used], None, lambda row: name, changes), header, "4294a-ascii"
+        return [(Rows(frequency[used], impedance[used], None, lambda row: name, changes), header, "4294a-ascii")]
     if is_touchstone(text):
-        return *parse_touchstone(text, name, fixture, band), "touchstone"
+        return [(*parse_touchstone(text, name, fixture, band), "touchstone")]
     if is_analyser_csv(text):
         plain, known = plain_table(text, name)
         rows, header, title = _rows_of_table(parse_table(plain, name), termination, band)
-        return rows, {**header, **known, "read_as": title}, "e4990a-csv" if "analyser" in known else "analyser-csv"
+        return [(rows, {**header, **known, "read_as": title}, "e4990a-csv" if "analyser" in known else "analyser-csv")]
     if is_receiver_dat(text) or is_keysight_trace(text):
         raise WrongKind(f"{name}: is the spectrum of a receiver, but an impedance sweep is needed here")
     table, given = with_units(parse_table(text, name), units)
-    rows, header, title = _rows_of_table(table, termination, band)
-    return dataclasses.replace(rows, changes=(*rows.changes, *given)), {**header, "read_as": title}, "csv"
+    readings = []
+    for part in _sweeps_in(table, termination):
+        rows, header, title = _rows_of_table(part, termination, band)
+        readings.append((dataclasses.replace(rows, changes=(*rows.changes, *given)), {**header, "read_as": title}, "csv"))
+    return readings
+
+
+def _sweeps_in(table: Table, termination: str) -> list[Table]:
+    """The rows of each sweep of this termination, in a table with a column `termination`; another table is one sweep.
+
+    Repeats and conditions are told apart by the columns `repeat`, `condition`, `condition_value` and `condition_unit`.
+
+    Raises
+    ------
+    BadInput
+        If no row is of this termination.
+    """
+    places = {title.strip().lower(): index for index, title in enumerate(table.columns)}
+    column = places.get("termination")
+    if column is None or not all(cells[column] in TERMINATIONS for cells in table.rows):
+        return [table]
+    tells = [places[title] for title in ("repeat", "condition", "condition_value", "condition_unit") if title in places]
+    rows: dict[tuple[str, ...], list[int]] = {}
+    for row, cells in enumerate(table.rows):
+        if cells[column] == termination:
+            rows.setdefault(tuple(cells[index] for index in tells), []).append(row)
+    if not rows:
+        raise BadInput(f"{table.name}: none of its rows is of the {termination} sweep, according to its column termination")
+    parts = []
+    for numbers in rows.values():
+        first = table.rows[numbers[0]]
+        identifier, value, unit = (first[places[title]] if title in places else "" for title in ("condition", "condition_value", "condition_unit"))
+        header = {**table.header, **({"condition": f"{identifier}={value}{unit}" if value else identifier} if identifier else {})}
+        parts.append(dataclasses.replace(table.only(numbers), header=header))
+    return parts
 
 
 def read_spectra(path: str | os.PathLike[str], units: Mapping[str, str] | None = None) -> list[Spectrum]:
@@ -158,7 +222,7 @@ def parse_spectra(text: str, name: str, units: Mapping[str, str] | None = None) 
     else:
         table, given = with_units(parse_table(text, name, SPECTRUM_EXAMPLE), units or {})
         header = of_file(name, lambda: spectrum_header(table.header))
-        spectra, kind = spectra_of_table(dataclasses.replace(table, header=header), given), "csv"
+        spectra, kind = spectra_of_table(dataclasses.replace(table, header=header), (*table.left_out, *given)), "csv"
     return [dataclasses.replace(spectrum, metadata=_origin(spectrum.metadata, name, kind)) for spectrum in spectra]
 
 
@@ -202,8 +266,10 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
     if pair in REFLECTIONS[1:] and PAIRS.index(possible) < PAIRS.index(pair):
         # A rounded reflection near 1 says little of R, which other columns hold but for their units.
         raise _wrong_columns(given, found)
+    table, turned = in_rising_order(table, found["frequency"])
     frequency = rising_frequency(table, found["frequency"])
     used, changes = used_rows(frequency, band, name)
+    changes = (*table.left_out, *turned, *changes)
     frequency, table = frequency[used], table.only(used.tolist())
     warnings = _grouping_warnings(table, found["frequency"], frequency)
     header = dict(table.header)
@@ -215,6 +281,9 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
         del header["termination"]
     sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
     impedance = impedance_of(table, found, pair, frequency)
+    if pair.second in LOSSES and impedance.size and np.all(impedance.real >= 0):
+        below = int(np.sum(column_values(table, found[pair.second]) < 0))
+        changes += (f"{pair.title}: the second is below 0 at {below} points, its sign is that of the reactance",) if below else ()
     if pair in REFLECTIONS:
         refuse_between_ports(header, name)
         warnings += reflection_warnings(reflection_of(impedance))
@@ -245,7 +314,11 @@ def _origin(metadata: Mapping[str, Any], name: str, file_format: str) -> JsonDic
 
 
 def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
-    warnings = (*rows.warnings, *implausible(rows.frequency_hz, rows.impedance_ohm))
+    # A sweep of a session has those of its import in its header.
+    warnings = [*metadata.get("warnings", []), *rows.warnings, *implausible(rows.frequency_hz, rows.impedance_ohm)]
+    if not any(one.startswith("|S11|") for one in warnings):  # which says the same
+        warnings += negative_resistance(rows.impedance_ohm)
+    warnings = list(dict.fromkeys(warnings))
     noted = {key: list(texts) for key, texts in (("changes", rows.changes), ("warnings", warnings)) if texts}
     return ImpedanceSweep(termination, rows.frequency_hz, rows.impedance_ohm, rows.sigma_relative, {**metadata, **noted})
 

@@ -23,6 +23,8 @@ _REFERENCES_OHM = (REFERENCE_OHM, 75.0)
 # Largest relative difference of Z between columns of one row beyond the rounding of their numbers: the same as of two readings at one frequency
 # (`repeated`), since some meters measure each pair of quantities anew.
 _AGREE = 0.03
+# Ratios of the resistance and the reactance of a part, which some meters show with the sign of the reactance.
+LOSSES = ("quality_factor", "dissipation_factor")
 _MAGNITUDES = ("magnitude", "admittance", "reflection_magnitude")
 # What a table of a sweep needs, for messages.
 IMPEDANCE_COLUMNS = "frequency_hz with resistance_ohm,reactance_ohm or with impedance_ohm,phase_deg"
@@ -57,6 +59,16 @@ def _reflection(w: FloatArray, a: FloatArray, b: FloatArray) -> ComplexArray:
 def _series(w: FloatArray, reactance: FloatArray, loss: FloatArray) -> ComplexArray:
     """A reactance with a series resistance; `loss` is their ratio."""
     return _rectangular(w, loss * np.abs(reactance), reactance)
+
+
+def _unsigned(element: FloatArray, loss: FloatArray) -> FloatArray:
+    """The loss without the sign that some meters give it: everywhere that of L or C, or everywhere the opposite one of both that occur.
+
+    Q = X/R and D = R/X have the sign of X. A loss that is below 0 beside elements of one sign above 0 is left as it is.
+    """
+    signs = np.sign(loss) * np.sign(element)
+    signed = np.all(signs >= 0) or (np.all(signs <= 0) and np.any(element < 0) and np.any(element > 0))
+    return np.abs(loss) if signed else loss
 
 
 def _parallel(w: FloatArray, susceptance: FloatArray, loss: FloatArray) -> ComplexArray:
@@ -96,14 +108,14 @@ PAIRS = (
     Pair("parallel_inductance", "parallel_resistance", "Lp and Rp", lambda w, inductance, r: 1 / _rectangular(w, 1 / r, -1 / (w * inductance))),
     Pair("parallel_capacitance", "parallel_resistance", "Cp and Rp", lambda w, c, r: 1 / _rectangular(w, 1 / r, w * c)),
     Pair("parallel_capacitance", "conductance", "Cp and G", lambda w, c, g: 1 / _rectangular(w, g, w * c)),
-    Pair("series_inductance", "quality_factor", "Ls and Q", lambda w, inductance, q: _series(w, w * inductance, 1 / q)),
-    Pair("series_inductance", "dissipation_factor", "Ls and D", lambda w, inductance, d: _series(w, w * inductance, d)),
-    Pair("series_capacitance", "quality_factor", "Cs and Q", lambda w, c, q: _series(w, -1 / (w * c), 1 / q)),
-    Pair("series_capacitance", "dissipation_factor", "Cs and D", lambda w, c, d: _series(w, -1 / (w * c), d)),
-    Pair("parallel_inductance", "quality_factor", "Lp and Q", lambda w, inductance, q: _parallel(w, -1 / (w * inductance), 1 / q)),
-    Pair("parallel_inductance", "dissipation_factor", "Lp and D", lambda w, inductance, d: _parallel(w, -1 / (w * inductance), d)),
-    Pair("parallel_capacitance", "quality_factor", "Cp and Q", lambda w, c, q: _parallel(w, w * c, 1 / q)),
-    Pair("parallel_capacitance", "dissipation_factor", "Cp and D", lambda w, c, d: _parallel(w, w * c, d)),
+    Pair("series_inductance", "quality_factor", "Ls and Q", lambda w, inductance, q: _series(w, w * inductance, _unsigned(inductance, 1 / q))),
+    Pair("series_inductance", "dissipation_factor", "Ls and D", lambda w, inductance, d: _series(w, w * inductance, _unsigned(inductance, d))),
+    Pair("series_capacitance", "quality_factor", "Cs and Q", lambda w, c, q: _series(w, -1 / (w * c), _unsigned(c, 1 / q))),
+    Pair("series_capacitance", "dissipation_factor", "Cs and D", lambda w, c, d: _series(w, -1 / (w * c), _unsigned(c, d))),
+    Pair("parallel_inductance", "quality_factor", "Lp and Q", lambda w, lp, q: _parallel(w, -1 / (w * lp), _unsigned(lp, 1 / q))),
+    Pair("parallel_inductance", "dissipation_factor", "Lp and D", lambda w, lp, d: _parallel(w, -1 / (w * lp), _unsigned(lp, d))),
+    Pair("parallel_capacitance", "quality_factor", "Cp and Q", lambda w, c, q: _parallel(w, w * c, _unsigned(c, 1 / q))),
+    Pair("parallel_capacitance", "dissipation_factor", "Cp and D", lambda w, c, d: _parallel(w, w * c, _unsigned(c, d))),
     *REFLECTIONS,
 )
 

@@ -175,12 +175,13 @@ def _separator(text: str) -> str:
 
 
 def _is_row(text: str) -> bool:
-    """Whether a line holds numbers: in its first cell or in more than half of its cells; in both if blanks separate them."""
+    """Whether a line holds numbers: in its first cell or in more than half of its cells that are not empty; in both if blanks separate them."""
     if not text:
         return False
     separator = _separator(text)
-    numeric = [looks_numeric(cell) or complex_parts(cell) is not None for cell in cells_of(text, separator)]
-    most = 2 * sum(numeric) > len(numeric)
+    cells = cells_of(text, separator)
+    numeric = [looks_numeric(cell) or complex_parts(cell) is not None for cell in cells]
+    most = 2 * sum(numeric) > sum(map(bool, cells))
     return (numeric[0] and most) if separator == BLANK else (numeric[0] or most)
 
 

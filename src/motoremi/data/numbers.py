@@ -30,6 +30,11 @@ def looks_numeric(cell: str) -> bool:
     return _NUMBER.fullmatch(cell.strip().replace(",", ".", 1)) is not None
 
 
+def looks_unmeasured(cell: str) -> bool:
+    """Whether a cell is the mark of a number that is none, such as `nan`."""
+    return _NOT_A_NUMBER.fullmatch(cell.strip()) is not None
+
+
 def parse_number(cell: str, where: str) -> float:
     """Read one number; the decimal sign is a point.
 

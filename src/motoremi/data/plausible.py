@@ -22,6 +22,9 @@ LEAST_SLOPE = 0.3
 ALIKE = 0.5
 # Phase for each unit of slope, relative to 90 degrees: 0.2 to 1 in the same sweeps, 1/57 for radians that are called degrees.
 LEAST_PHASE = 0.05
+# Re Z below this part of |Z| is no error of calibration, which turns a phase by a few degrees; a sweep says so if more than the second share of
+# its points has one, or if all are below 0.
+LEAST_RESISTANCE, OF_POINTS = -0.1, 0.01
 # |Z| of a sweep is doubtful if no point lies between these: 10 nH have 2 Ohm at 30 MHz, 1 pF has 1 MOhm at 150 kHz.
 LEAST_OHM, MOST_OHM = 0.05, 50e6
 
@@ -87,3 +90,14 @@ def implausible(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> tuple[
             f"|Z| is {show(float(size.min()), 'Ohm')} - {show(float(size.max()), 'Ohm')} at all frequencies: is the unit of its columns right?"
         )
     return tuple(said)
+
+
+def negative_resistance(impedance_ohm: ComplexArray) -> tuple[str, ...]:
+    """A sentence if the resistance is below 0 at all points, or far below at more than a few; shape (n,)."""
+    size = np.abs(impedance_ohm)
+    below = int(np.sum(impedance_ohm.real < 0))
+    far = int(np.sum(impedance_ohm.real < LEAST_RESISTANCE * size))
+    if below < size.size and far <= OF_POINTS * size.size:
+        return ()
+    points = f"{below} of {size.size} points"
+    return (f"the resistance is below 0 at {points}, which no passive part has: is the sign of a column right (R, phase, Q, D)?",)

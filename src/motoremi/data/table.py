@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from motoremi.arrays import JsonDict
-from motoremi.data.layout import COMMENT, IMPEDANCE_EXAMPLE, Names, cells_of, column_names, decimal_comma_hint, split_head
-from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
+from motoremi.data.layout import COMMENT, IMPEDANCE_EXAMPLE, Line, Names, cells_of, column_names, decimal_comma_hint, split_head
+from motoremi.data.numbers import looks_cut, looks_numeric, looks_unmeasured, parse_number
 from motoremi.data.plain import from_json
 from motoremi.data.text import clean_text, clean_value
 from motoremi.data.text_file import split_lines
@@ -33,6 +33,8 @@ class Table:
         Every row as long as `columns`.
     lines : list of int
         Line number of each row, the first line of the file being 1.
+    left_out : tuple of str
+        What was left out of the file, in words.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Table:
     columns: tuple[str, ...]
     rows: list[list[str]]
     lines: list[int]
+    left_out: tuple[str, ...] = ()
 
     def where(self, row: int) -> str:
         """File and line of a row."""
@@ -67,8 +70,8 @@ def parse_table(text: str, name: str, example: str = IMPEDANCE_EXAMPLE) -> Table
     """Split a text table; `example` are column names to propose if there are none.
 
     The column names are the line above the first row of numbers, or the last comment above it. The columns are separated by a semicolon, a
-    tab or a comma, the first of these, in this order, that the names contain, or by blanks. With all but the comma the decimal sign may be
-    a comma.
+    tab or a comma, the first of these, in this order, that the names contain, or by blanks. The decimal sign may be a comma, between commas only in
+    numbers with quotes. Lines of words below the rows are left out.
 
     Raises
     ------
@@ -87,17 +90,35 @@ def parse_table(text: str, name: str, example: str = IMPEDANCE_EXAMPLE) -> Table
     names = column_names(head, f"{name}, line {head.rows[0].number}", example)
     rows: list[list[str]] = []
     lines: list[int] = []
-    for line in head.rows:
+    ending = _lines_at_end(head.rows, names.separator)
+    for line in head.rows[: len(head.rows) - ending]:
         if line.text.startswith(COMMENT):
             read_key_value(line.text, header)
             continue
         rows.append(_row(line.text, names, f"{name}, line {line.number}"))
         lines.append(line.number)
-    if names.separator != ",":
-        _use_decimal_points(rows, lines, name)
-    table = Table(name, header, names.titles, rows, lines)
-    _check_end(table, complete=not all_lines[-1].strip())
+    _use_decimal_points(rows, lines, name)
+    first = head.rows[-ending].text if ending else ""
+    left_out = (f"the text below the rows is left out ({clean_text(first, 40)!r})",) if ending else ()
+    table = Table(name, header, names.titles, rows, lines, left_out)
+    _check_end(table, complete=bool(ending) or not all_lines[-1].strip())
     return table
+
+
+def _lines_at_end(lines: Sequence[Line], separator: str) -> int:
+    """How many lines below the last row hold words and no number, nor the mark of a point that was not measured; comments are not counted."""
+    count = 0
+    for line in reversed(lines):
+        cells = cells_of(line.text, separator)
+        if line.text.startswith(COMMENT) or not any(map(str.isalpha, line.text)) or any(_may_be_value(cell) for cell in cells):
+            break
+        count += 1
+    return count if count < len(lines) else 0
+
+
+def _may_be_value(cell: str) -> bool:
+    # A number that was cut off, such as `1.5e`, begins like a number.
+    return cell[:1] in tuple("+-.0123456789(") or looks_unmeasured(cell)
 
 
 def read_key_value(line: str, header: JsonDict) -> None:
