@@ -88,7 +88,7 @@ def test_a_malformed_block_is_an_error(answer: bytes) -> None:
         link.query_block("OUTP?")
 
 
-@pytest.mark.parametrize("end", [b"\n", b""])
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b""])
 def test_a_block_may_end_with_a_newline_or_without(end: bytes) -> None:
     link = ReplayTransport("TEST", [record("write", text="OUTP?\n"), record("read", **encode_bytes(b"#13a\nb" + end))])
     assert link.query_block("OUTP?") == b"a\nb"
@@ -149,7 +149,8 @@ def test_a_replay_that_goes_on_too_long_or_ends_early_is_an_error() -> None:
         ReplayTransport("TEST", [record("read", text="1\n")]).write("STAR?")
 
 
-def test_a_block_over_a_socket_may_hold_newlines() -> None:
+@pytest.mark.parametrize("end", [b"\n", b"\r\n"], ids=["LF", "CR LF"])
+def test_a_block_over_a_socket_may_hold_newlines(end: bytes) -> None:
     """On a socket only the newline ends a message, and the block below holds three."""
     payload = b"\n" + bytes(range(64)) + b"\n\n"
     server = socket.create_server(("127.0.0.1", 0))
@@ -157,7 +158,7 @@ def test_a_block_over_a_socket_may_hold_newlines() -> None:
     def serve() -> None:
         connection, _ = server.accept()
         with connection:
-            for answer in (b"hello\n", b"#267" + payload + b"\n", b"after\n"):
+            for answer in (b"hello" + end, b"#267" + payload + end, b"after" + end):
                 connection.recv(100)
                 connection.sendall(answer)
             connection.recv(100)
@@ -243,6 +244,29 @@ def test_a_link_that_the_other_side_has_closed_is_opened_anew() -> None:
         link.clear()
         assert link.query("POIN?") == "+201"
         link.close()
+
+
+@pytest.mark.parametrize("sent", [b"", b"#260" + b"x" * 20], ids=["nothing", "half a block"])
+def test_a_link_that_is_closed_instead_of_an_answer_is_told_as_that_and_at_once(sent: bytes) -> None:
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        connection, _ = server.accept()
+        with connection:
+            connection.recv(100)
+            connection.sendall(sent)
+            # Long enough for the reader to be waiting.
+            time.sleep(0.2)
+
+    threading.Thread(target=serve, daemon=True).start()
+    link = open_transport(open_manager("@py"), f"TCPIP0::127.0.0.1::{server.getsockname()[1]}::SOCKET", timeout_s=30.0)
+    began = time.monotonic()
+    with pytest.raises(InstrumentError, match=r"to 'DATA\?' \(the other side closed the connection\); check power") as caught:
+        link.query_block("DATA?")
+    assert ("did not finish its answer" if sent else "gave no answer") in str(caught.value)
+    assert time.monotonic() - began < 10.0
+    link.close()
+    server.close()
 
 
 @pytest.mark.parametrize("count", [0, 100], ids=["a line", "so many bytes"])

@@ -215,9 +215,12 @@ def test_an_error_queue_that_never_empties_ends() -> None:
     endless = [("OUTPERRO?", '-113,"AGAIN"')] * 50
     with (
         script(Agilent4294A, ("HOLD", None), *endless) as analyser,
-        pytest.raises(InstrumentError, match="AGAIN"),
+        pytest.raises(InstrumentError, match="AGAIN") as caught,
     ):
         analyser.tell("HOLD")
+    # Once, not fifty times.
+    told = "Agilent4294A at SCRIPT: error -113 \"AGAIN\" after 'HOLD', and its error queue does not empty: switch it off and on"
+    assert str(caught.value) == told
 
 
 @pytest.mark.parametrize(

@@ -248,6 +248,10 @@ class Driver(abc.ABC):
             if number_ == 0:
                 break
             errors.append(f"{number_} {text.strip()}")
+        else:
+            raise RefusedCommand(
+                f"{self}: error {'; '.join(dict.fromkeys(errors))} after {command!r}, and its error queue does not empty: switch it off and on"
+            )
         if errors:
             raise RefusedCommand(f"{self}: error {'; '.join(errors)} after {command!r}")
 

@@ -22,15 +22,24 @@ def socket_of(resource: MessageBasedResource) -> socket.socket | None:
     return link if isinstance(link, socket.socket) else None
 
 
-def readable_bytes(resource: MessageBasedResource) -> int:
-    """How many bytes one read may ask for without waiting for more than one byte."""
+def readable_bytes(resource: MessageBasedResource, longest_s: float) -> int:
+    """How many bytes one read may ask for: of a socket those that have arrived, 0 if none arrive within `longest_s`.
+
+    Raises
+    ------
+    ConnectionError
+        If the other side has closed the socket, which PyVISA-py does not distinguish from a slow answer.
+    """
     link, most = socket_of(resource), int(resource.chunk_size)
     if link is None:
         return most
     # Bytes that PyVISA-py has already read from the socket, and bytes in the socket.
     taken = len(getattr(_session(resource), "_pending_buffer", b""))
-    ready, _, _ = select.select([link], [], [], 0)
-    return max(1, taken + (len(link.recv(most, socket.MSG_PEEK)) if ready else 0))
+    ready, _, _ = select.select([link], [], [], 0.0 if taken else longest_s)
+    arrived = len(link.recv(most, socket.MSG_PEEK)) if ready else 0
+    if ready and not arrived and not taken:
+        raise ConnectionError("the other side closed the connection")
+    return taken + arrived
 
 
 def discard_until_silent(link: socket.socket, longest_s: float) -> bool:

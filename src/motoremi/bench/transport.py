@@ -158,8 +158,8 @@ class Transport(abc.ABC):
         while self.stream and len(message) < start + length + len(TERMINATOR):
             message += self.receive()
         payload = message[start:]
-        # Some instruments end the message by the END line alone.
-        if len(payload) == length + len(TERMINATOR) and payload.endswith(TERMINATOR):
+        # Some instruments end the message by the END line alone, others by CR LF.
+        if payload[length:] in (TERMINATOR, b"\r" + TERMINATOR):
             payload = payload[:length]
         if len(payload) != length:
             raise InstrumentError(
@@ -269,13 +269,13 @@ class VisaTransport(Transport):
 
     def _receive_part(self, ends_s: float, most: int | None = None) -> tuple[bytes, constants.StatusCode]:
         left_s = ends_s - time.monotonic()
-        if left_s <= 0:
+        ready = readable_bytes(self._resource, left_s) if left_s > 0 else 0
+        if not ready:
             raise pyvisa.VisaIOError(constants.StatusCode.error_timeout)
         is_later = left_s < self._timeout_s - _CLOSE_ENOUGH_S
         if is_later:
             self._wait_at_most(left_s)
         try:
-            ready = readable_bytes(self._resource)
             return self._resource.visalib.read(self._resource.session, ready if most is None else min(ready, most))
         finally:
             if is_later:
