@@ -241,6 +241,13 @@ def test_a_final_value_may_be_below_a_scan(scanned, level_dbuv, settings, read):
     assert verdict(spectra, finals=finals).verdict == "pass"
 
 
+def test_an_overloaded_scan_below_the_limit_does_not_contradict_a_final_value():
+    lines = line_at("quasi-peak", 20e6, 55, settings=LONG)
+    overloaded = Spectrum("quasi-peak", AXIS, lines.level_dbuv, overload=lines.level_dbuv > 50)
+    spectra = [overloaded, flat("quasi-peak", 20), flat("average", 20)]
+    assert verdict(spectra, finals=[final("quasi-peak", 20e6, 38)]) == Compliance("pass", ())
+
+
 def test_a_maximum_inside_the_guard_band_of_the_limits_own_detector_needs_a_final_value():
     lines = with_level(line_at("cispr-average", 20e6, 45), 49.9, 6.998e6, 7.002e6)
     spectra, finals = [line_at("peak", 20e6, 59), lines], [final("quasi-peak", 20e6, 50), final("cispr-average", 20e6, 44)]
@@ -271,6 +278,39 @@ def test_final_values_and_scans_are_compared_with_their_corrections():
     spectra = [line_at("quasi-peak", 20e6, 45, settings=LONG), flat("average", 20)]
     told = predict(None, spectra=spectra, finals=[final("quasi-peak", 20e6, 44)], limit=CISPR32, corrections=pad)
     assert (told.verdict, told.reasons) == ("pass", ())
+
+
+def noise(detector: str, seed: int, resolution_db: float = 0.01, **more) -> Spectrum:
+    level = np.random.default_rng(seed).normal(16, 2, AXIS.size)
+    return Spectrum(detector, AXIS, np.round(level / resolution_db) * resolution_db, metadata=more)
+
+
+def test_scans_with_different_detectors_that_are_equal_at_every_point_pass_nothing():
+    spectra = [noise(detector, 1, line="L1") for detector in ("peak", "quasi-peak", "average")]
+    told = predict(None, spectra=[noise("peak", 1, condition="motor off"), *spectra], limit=CISPR32)
+    assert told.verdict == "marginal"
+    assert told.reasons == (
+        "peak with the motor off; peak, line L1; quasi-peak, line L1 and average, line L1 have the same level at every point, so the receiver did "
+        "not measure anew: set its trace to clear/write and measure again",
+    )
+    assert predict(None, spectra=[noise("peak", 1, condition="motor off"), noise("peak", 1)], limit=CISPR32).verdict == "marginal"
+
+
+@pytest.mark.parametrize(
+    "spectra",
+    [
+        [noise("quasi-peak", 1), noise("average", 2)],
+        # 1 and 3 dB steps: most points are equal.
+        [noise("quasi-peak", 1, 1.0), noise("average", 2, 1.0)],
+        [noise("quasi-peak", 1, 3.0), noise("average", 2, 3.0)],
+        # The lowest level that the receiver shows.
+        [flat("quasi-peak", 10), flat("average", 10)],
+        # A repeat is of the same detector.
+        [noise("quasi-peak", 1), noise("quasi-peak", 1), noise("average", 2)],
+    ],
+)
+def test_scans_that_are_equal_at_most_points_are_no_finding(spectra):
+    assert predict(None, spectra=spectra, limit=CISPR32).reasons == ()
 
 
 def test_final_values_that_the_receivers_file_holds_leave_it_open():

@@ -21,7 +21,7 @@ from motoremi.data.kernels import steps_beside
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import misread
 from motoremi.emission.finals import Rules, tops
-from motoremi.emission.judge import ORDER, WORST_FIRST, Judged, Verdict, line_for, overall, place_of, where_in_words
+from motoremi.emission.judge import ORDER, WORST_FIRST, Judged, Verdict, levels_in_words, line_for, overall, place_of, where_in_words
 from motoremi.emission.limit import Limit, LimitLine
 from motoremi.quantities import show_band
 
@@ -38,6 +38,8 @@ NEAR_DB = Rules().margin_db
 SCATTER_DB = 6.0
 # With less time at a point the linear average is no final value.
 FINAL_DWELL_S = 1.0
+# Noise is equal at two points in a row of two scans at most every second time, however coarse the resolution: at so many once in a million.
+CHANGES = 20
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,14 @@ class Compliance:
     reasons: tuple[str, ...]
 
 
-def compliance(spectra: Sequence[Spectrum], finals: Sequence[Spectrum], judged: Sequence[Judged], limit: Limit, guard_db: float) -> Compliance:
+def compliance(
+    spectra: Sequence[Spectrum],
+    finals: Sequence[Spectrum],
+    judged: Sequence[Judged],
+    limit: Limit,
+    guard_db: float,
+    background: Sequence[Spectrum] = (),
+) -> Compliance:
     """The verdict on measured levels.
 
     Parameters
@@ -62,6 +71,8 @@ def compliance(spectra: Sequence[Spectrum], finals: Sequence[Spectrum], judged: 
     limit : Limit
     guard_db : float
         Expanded uncertainty.
+    background : sequence of Spectrum, optional
+        Scans with the motor off, corrected; they only show whether the receiver measured anew for each scan.
     """
     found: list[tuple[Verdict | None, str]] = []
     for place in dict.fromkeys(place_of(spectrum) for spectrum in spectra):
@@ -75,7 +86,7 @@ def compliance(spectra: Sequence[Spectrum], finals: Sequence[Spectrum], judged: 
             lines["quasi-peak"] = peak if peak[0] == "pass" else lines["quasi-peak"]
         where = where_in_words(*place)
         found += [(verdict, f"{where}: {reason}" if where and reason else reason) for verdict, reason in lines.values()]
-    found += [("marginal", text) for text in _left_out(spectra)]
+    found += [("marginal", text) for text in (*_unchanged([*background, *spectra]), *_left_out(spectra))]
     worst = min((verdict for verdict, _ in found), key=WORST_FIRST.index, default=None)
     ranked = sorted((one for one in found if one[1]), key=lambda one: WORST_FIRST.index(one[0]))
     return Compliance(worst or "marginal", tuple(dict.fromkeys(reason for _, reason in ranked)))
@@ -165,7 +176,7 @@ def _contradicted(exact: Sequence[Spectrum], finals: Sequence[Spectrum], line: L
     found: list[tuple[float, str]] = []
     for scan in (one for one in exact if _is_final(one)):
         margin = line.level_dbuv(scan.frequency_hz) - scan.level_dbuv
-        comparable = np.isfinite(margin) & ~_reads(scan, low=False)
+        comparable = np.isfinite(margin) & ~scan.overload & ~_reads(scan, low=False)
         for final in finals:
             same = comparable & _within(scan, final)
             if not same.any():
@@ -224,6 +235,23 @@ def _not_read_again(exact: Sequence[Spectrum], higher: Sequence[Spectrum], final
     else:
         side, highest = "inside the guard band of that limit", f"the highest {margin_db:.1f} dB below the limit {at}"
     return f"{line.detector}: {above or len(margins)} maxima of the scans are {side} and have no final value, {highest}: measure more maxima again"
+
+
+def _unchanged(spectra: Sequence[Spectrum]) -> Iterable[str]:
+    """Scans with different detectors, or with the motor off and running, that are equal at every point."""
+    same: dict[tuple[bytes, bytes], dict[tuple[str, bool], str]] = {}
+    for one in spectra:
+        # Scans in which the level hardly changes may be equal by chance, or because the receiver shows no less.
+        if np.count_nonzero(np.diff(one.level_dbuv)) >= CHANGES:
+            name = levels_in_words(one.detector, *place_of(one)) + (" with the motor off" if one.is_background else "")
+            same.setdefault((one.frequency_hz.tobytes(), one.level_dbuv.tobytes()), {})[one.detector, one.is_background] = name
+    for names in same.values():
+        if len(names) > 1:
+            *others, last = names.values()
+            yield (
+                f"{'; '.join(others)} and {last} have the same level at every point, so the receiver did not measure anew: "
+                "set its trace to clear/write and measure again"
+            )
 
 
 def _left_out(spectra: Sequence[Spectrum]) -> Iterable[str]:

@@ -266,7 +266,7 @@ def predict(
     else:
         judged = judge_prediction(frequency, {str(name): level for name, level in levels.items()}, bound, guard_db)
     corrected_finals = [corrections.corrected_spectrum(final) for final in finals]
-    shown = compliance(running, corrected_finals, judged, bound, guard_db) if running else of_prediction(judged, bound)
+    shown = compliance(running, corrected_finals, judged, bound, guard_db, background) if running else of_prediction(judged, bound)
     return Prediction(
         frequency,
         levels,
