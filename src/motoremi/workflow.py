@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+
+import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
@@ -27,9 +29,10 @@ from motoremi.inspection.compare import Comparison, Tolerance, compare
 from motoremi.inspection.effect_signature import Signature, signature
 from motoremi.inspection.element import Inspection, inspect
 from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.effects.names import as_sum
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.progress import part
-from motoremi.quantities import parse
+from motoremi.quantities import parse, percent
 from motoremi.workers import Map, own_processes
 
 if TYPE_CHECKING:
@@ -94,9 +97,18 @@ def fit_session(
     held: Mapping[str, float] | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit the current model (the paper's circuit at first) and every step of the ladder below it; `held` parameters are not fitted."""
+    """Fit the current model (the paper's circuit at first) and every step of the ladder below it.
+
+    Parameters
+    ----------
+    held : mapping, optional
+        Values that are not fitted, in place of those of the last fit; None: those of the last fit.
+    """
     session = load(store.path)
     measurement, model = measurement_of(session), model_of(session)
+    if held is None:
+        names = {parameter.name for parameter in model.parameters}
+        held = {name: value for name, value in session.held.items() if name in names}
     fixed = checked_held(model, held)
     own = {parameter.name for parameter in dc_motor().parameters}
     count = 1 + len(model.effects)
@@ -108,16 +120,56 @@ def fit_session(
         before = {parameter.name for parameter in steps[-1].motor.parameters}
         new = {parameter.name for parameter in find_effect(effect).added_to(steps[-1].motor).parameters} - before
         steps.append(steps[-1].add(effect, {n: v for n, v in fixed.items() if n in new}))
-    save_ladder(store, steps)
+    save_ladder(store, steps, held=fixed)
     return steps[-1]
 
 
-def save_ladder(store: Store, steps: Sequence[Fit], kept: int = 0) -> None:
-    """Store the ladder: each model, its error per band, and what changed; the first `kept` steps are not changed."""
+class Refitted(NamedTuple):
+    """What a new fit changed in a session that had one.
+
+    Parameters
+    ----------
+    released : dict
+        Values that the fit before held, and that are fitted now, by name.
+    errors : tuple of (str, float, float)
+        The steps of the ladder whose error changed: the model, and its error in percent before and after.
+    """
+
+    released: dict[str, float]
+    errors: tuple[tuple[str, float, float], ...]
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        return {
+            "released": self.released,
+            "ladder_changes": [{"model": model, "before_percent": before, "after_percent": after} for model, before, after in self.errors],
+        }
+
+
+def refitted(before: Session, after: Session) -> Refitted:
+    """Compare the holds and the ladder of a session before and after a fit."""
+    known = {parameter.name for parameter in model_of(after).parameters}
+    errors = []
+    for old, new in zip((step.get("fit", {}) for step in before.ladder), (step["fit"] for step in after.ladder), strict=False):
+        error, now = float(old.get("rms_error_percent", np.nan)), float(new["rms_error_percent"])
+        if old.get("effects") == new["effects"] and np.isfinite(error) and percent(error, 4) != percent(now, 4):
+            errors.append((f"the circuit with {as_sum(new['effects'])}" if new["effects"] else "the paper's circuit", error, now))
+    return Refitted({name: value for name, value in before.held.items() if name in known and name not in after.held}, tuple(errors))
+
+
+def save_ladder(store: Store, steps: Sequence[Fit], kept: int = 0, held: Mapping[str, float] | None = None) -> None:
+    """Store the ladder: each model, its error per band, and what changed; the first `kept` steps are not changed.
+
+    Parameters
+    ----------
+    held : mapping, optional
+        Values that the user holds; None: as before.
+    """
     session = load(store.path)
     dc_resistance_ohm = _dc_resistance_ohm(session)
     new = [ladder_step(steps[index - 1] if index else None, steps[index], dc_resistance_ohm).to_dict() for index in range(kept, len(steps))]
-    store.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": [*session.ladder[:kept], *new]})
+    user_held = {name: value for name, value in (session.held if held is None else held).items() if name in steps[-1].held}
+    store.save_analysis("ladder", {"schema": "motoremi.ladder/1", "held": user_held, "steps": [*session.ladder[:kept], *new]})
 
 
 def _dc_resistance_ohm(session: Session) -> float | None:

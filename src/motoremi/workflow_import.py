@@ -135,7 +135,7 @@ class Addition:
             if asked := self._asked(folder):
                 writer.save_analysis("investigation", asked)
             if self.empties_ladder:
-                writer.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": []})
+                writer.save_analysis("ladder", load(folder).emptied_ladder())
 
     def _asked(self, folder: Path) -> JsonDict | None:
         """The analysis `investigation` with a step more: the measurement that was requested and the data added; None if none was requested."""

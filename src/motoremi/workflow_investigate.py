@@ -328,8 +328,9 @@ class _Run:
 
     def _clear_ladder(self, order: MeasurementRequest) -> None:
         """Empty the ladder after further reference sweeps, because its models were fitted to fewer of them."""
-        if order.condition is None and load(self.store.path).ladder:
-            self.store.save_analysis("ladder", {"schema": "motoremi.ladder/1", "steps": []})
+        session = load(self.store.path)
+        if order.condition is None and session.ladder:
+            self.store.save_analysis("ladder", session.emptied_ladder())
 
     def _question(self, assessment: Assessment) -> tuple[str, JsonDict]:
         """Reason to stop (empty: continue) and next measurement; a measurement longer than the remaining time is not requested."""

@@ -324,7 +324,12 @@ def fit_(
     ] = None,
     hold: Annotated[
         list[str] | None,
-        typer.Option("--hold", metavar="NAME=VALUE", help="A known value that is not fitted, for example Ra=2.3Ohm; may be repeated."),
+        typer.Option(
+            "--hold",
+            metavar="NAME=VALUE",
+            help="A known value that is not fitted, for example Ra=2.3Ohm; may be repeated. Values held by an earlier fit are fitted again unless "
+            "they are given again.",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -333,15 +338,17 @@ def fit_(
     from motoremi.data.session import load
     from motoremi.investigation.next_measurement import next_measurement
     from motoremi.quantities import error_bar, show
-    from motoremi.workflow import fit_session, model_of, opened
+    from motoremi.workflow import fit_session, model_of, opened, refitted
 
     bounds = dict(_bound(text) for text in bound or [])
     with opened(path) as store:
-        model = model_of(load(store.path))
+        before = load(store.path)
+        model = model_of(before)
         held = dict(_held(text, model) for text in hold or [])
         result = fit_session(store, method, seed, bounds, held)
+        changed = refitted(before, load(store.path))
     if as_json:
-        emit_json(result.to_dict())
+        emit_json({**result.to_dict(), **changed.to_dict()})
         return
     say(repr(result))
     for quantity in result.derived():
@@ -352,6 +359,13 @@ def fit_(
             say(f"  the data do not determine {name}: {result.interval(name)}")
     if result.undetermined():
         say(f"  measure next: {next_measurement(result)['why']}")
+    if changed.released:
+        holds = [_hold_option(name, value, model) for name, value in {**changed.released, **held}.items()]
+        names = ", ".join(changed.released)
+        say(f"note: no longer held, because --hold was not given again: {names}; to hold all: motoremi fit {quoted(path)} {' '.join(holds)}")
+    if changed.errors:
+        shown = "; ".join(f"error of {name} {show(old, '%')} -> {show(new, '%')}" for name, old, new in changed.errors)
+        say(f"note: every step of the ladder was fitted again: {shown}")
     say(f"next: motoremi diagnose {quoted(path)}")
 
 
@@ -379,6 +393,15 @@ def _held(text: str, model: Motor) -> tuple[str, float]:
     if name not in known:
         raise BadInput(f"cannot hold the unknown parameter {name!r}; the model has {', '.join(known)}")
     return name, parse(value, known[name].unit)
+
+
+def _hold_option(name: str, value: float, model: Motor) -> str:
+    """The option that holds a value, which is read back exactly."""
+    from motoremi.quantities import parse, show
+
+    unit = next(parameter.unit for parameter in model.parameters if parameter.name == name)
+    text = show(value, unit, 12).replace(" ", "")
+    return f"--hold {name}={text if parse(text, unit) == value else f'{value!r}{unit}'}"
 
 
 def compare_(

@@ -140,6 +140,18 @@ class Session:
         steps = (self.analysis("ladder") or {}).get("steps", [])
         return list(steps)
 
+    @property
+    def held(self) -> dict[str, float]:
+        """The values that the user held in the last fit, in SI units by the name of the parameter."""
+        stored = self.analysis("ladder") or {}
+        # Older sessions hold only those of the fits; in the first one these are the user's.
+        held = stored.get("held", self.ladder[0].get("fit", {}).get("held", {}) if self.ladder else {})
+        return {str(name): float(value) for name, value in held.items()}
+
+    def emptied_ladder(self) -> JsonDict:
+        """The analysis `ladder` without its models; the values that the user holds apply to the next fit."""
+        return {"schema": "motoremi.ladder/1", "held": self.held, "steps": []}
+
     def traffic(self) -> tuple[JsonDict, ...]:
         """Every message to and from the instruments; an unfinished last line is left out.
 

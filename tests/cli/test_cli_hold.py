@@ -1,0 +1,86 @@
+"""Values that are held: what a later fit does with them is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import document, motoremi
+
+from motoremi.data.session import load
+from motoremi.workflow import fit_session, opened
+
+pytestmark = pytest.mark.slow
+FREQUENCY = np.geomspace(150e3, 30e6, 81)
+RA_OHM = 2.4
+
+
+def imported(folder: Path) -> Path:
+    """A session of a motor by the paper's formula with Ra = 2.3 ohm."""
+    s, rng = 2j * np.pi * FREQUENCY, np.random.default_rng(5)
+    winding = 1 / (1 / (2.3 + s * 24e-6) + s * 95e-12)
+    frame = 1 / (1 / (18 + s * 700e-9 + 1 / (s * 310e-12)) + s * 150e-12)
+    for name, ohm in (("short", winding), ("open", winding + frame)):
+        noisy = (ohm * (1 + 1e-3 * (rng.standard_normal(81) + 1j * rng.standard_normal(81)))).tolist()
+        rows = "".join(f"{f!r},{z.real!r},{z.imag!r}\n" for f, z in zip(FREQUENCY.tolist(), noisy, strict=True))
+        (folder / f"{name}.csv").write_text(f"frequency_hz,resistance_ohm,reactance_ohm\n{rows}")
+    files = ("--short", folder / "short.csv", "--open", folder / "open.csv")
+    assert motoremi("import", folder / "s", *files, "--analyser", "none").returncode == 0
+    return folder / "s"
+
+
+def test_a_value_that_is_no_longer_held_is_told_with_how_to_hold_both(tmp_path):
+    session = imported(tmp_path)
+    first = motoremi("fit", session, "--hold", f"Ra={RA_OHM}Ohm")
+    assert "no longer held" not in first.stdout
+    motoremi("add", session, "core-loss")
+    assert load(session).held == {"Ra": RA_OHM}
+
+    second = motoremi("fit", session, "--hold", "core-loss.resistance_ohm=100kOhm")
+    (told,) = (line for line in second.stdout.splitlines() if "no longer held" in line)
+    assert f"to hold all: motoremi fit {session} --hold Ra=2.4Ohm --hold core-loss.resistance_ohm=100kOhm" in told
+    (told,) = (line for line in second.stdout.splitlines() if "every step of the ladder was fitted again" in line)
+    assert "error of the paper's circuit" in told
+    assert load(session).ladder[0]["fit"]["held"] == {}
+
+    # What it proposes holds both, and nothing is released.
+    words = second.stdout.split("to hold all: motoremi ")[1].splitlines()[0].split()
+    both = document(motoremi(*words, "--json"))
+    assert both["held"] == {"Ra": RA_OHM, "core-loss.resistance_ohm": 1e5}
+    assert both["released"] == {}
+    assert both["ladder_changes"][0]["model"] == "the paper's circuit"
+    none = document(motoremi("fit", session, "--json"))
+    assert none["released"] == {"Ra": RA_OHM, "core-loss.resistance_ohm": 1e5}
+
+
+def test_a_fit_that_nobody_asked_for_keeps_what_is_held(tmp_path):
+    session = imported(tmp_path)
+    motoremi("fit", session, "--hold", f"Ra={RA_OHM}Ohm")
+    # Further repeats empty the ladder, and the next command fits again.
+    motoremi("import", session, "--append", "--short", changed(tmp_path / "short.csv"))
+    assert load(session).ladder == []
+    motoremi("compare", session)
+    assert load(session).ladder[0]["fit"]["held"] == {"Ra": RA_OHM}
+    # The button of the workbench.
+    with opened(session) as store:
+        assert fit_session(store).held == {"Ra": RA_OHM}
+
+
+def test_what_was_held_of_an_effect_is_forgotten_with_it(tmp_path):
+    session = imported(tmp_path)
+    motoremi("fit", session, "--hold", f"Ra={RA_OHM}Ohm")
+    motoremi("add", session, "core-loss")
+    motoremi("fit", session, "--hold", f"Ra={RA_OHM}Ohm", "--hold", "core-loss.resistance_ohm=100kOhm")
+    motoremi("drop", session)
+    assert load(session).held == {"Ra": RA_OHM}
+
+
+def changed(file: Path) -> Path:
+    """The same sweep with other noise."""
+    head, *rows = file.read_text().splitlines()
+    values = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    values[:, 1:] *= 1 + 1e-3 * np.random.default_rng(9).standard_normal((len(rows), 1))
+    other = file.with_name("again.csv")
+    other.write_text("\n".join([head, *(",".join(map(repr, row)) for row in values.tolist())]) + "\n")
+    return other
