@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 from typing import NoReturn
@@ -13,10 +12,9 @@ STOPPED = 130
 
 def main() -> None:
     """Run a command; every expected error is one line on standard error and an exit status."""
-    for stream in (sys.stdout, sys.stderr):
-        # A terminal or pipe that cannot hold a character (Ohm sign, a name) gets a question mark for it.
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+    from motoremi.cli.streams import secure
+
+    secure()
     try:
         status = _run()
     except KeyboardInterrupt:
@@ -47,10 +45,6 @@ def _run() -> int | None:
         fail(str(error), error.exit_status)
     except typer.Abort:
         return STOPPED
-    except BrokenPipeError:
-        # The program that reads the output has closed it, which is not an error.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except OSError as error:
         fail(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 2)
     except Exception as error:

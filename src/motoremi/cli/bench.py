@@ -182,14 +182,14 @@ def _duration(seconds: float) -> str:
 
 def ask_operator(text: str) -> Answer:
     """Show the operator an instruction and wait for one of the three answers."""
+    from motoremi.cli.output import ask_in_writing
     from motoremi.data.text import clean_text
     from motoremi.run.answer import TYPED
 
     lines = "\n".join(clean_text(line) for line in text.split("\n"))
-    sys.stderr.write(f"\n{lines}\n")
+    ask_in_writing(f"\n{lines}\n")
     while True:
-        sys.stderr.write("\n[Enter] done, n not done, s stop: ")
-        sys.stderr.flush()
+        ask_in_writing("\n[Enter] done, n not done, s stop: ")
         if not (typed := sys.stdin.readline()):
             raise BadInput("the prompt was not answered: standard input has ended; run from a terminal")
         answer = TYPED.get(" ".join(typed.casefold().split()))

@@ -91,16 +91,16 @@ class _Terminal:
 
 def typed_value(order: MeasurementRequest) -> SingleValue:
     """Ask for a value until it can be read; `n` means that there is none."""
+    from motoremi.cli.output import ask_in_writing
     from motoremi.data.conditions import VALUES
     from motoremi.data.text import clean_text
     from motoremi.run.answer import TYPED, NotDone
     from motoremi.run.requested import read_value
 
     setting = VALUES[order.id].setting
-    sys.stderr.write(f"\n{clean_text(order.instruction)}\n")
+    ask_in_writing(f"\n{clean_text(order.instruction)}\n")
     while True:
-        sys.stderr.write(f"{order.id}, for example {setting.example}; n not done, s stop: ")
-        sys.stderr.flush()
+        ask_in_writing(f"{order.id}, for example {setting.example}; n not done, s stop: ")
         if not (typed := sys.stdin.readline()):
             raise BadInput("the question was not answered: standard input has ended; run from a terminal")
         text = typed.strip()

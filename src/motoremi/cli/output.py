@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from motoremi.cli.streams import is_lost
 from motoremi.data.plain import plain
 from motoremi.data.text import clean_text
+from motoremi.errors import BadInput
 
 
 def emit_json(document: Any) -> None:
@@ -22,6 +24,20 @@ def emit_json(document: Any) -> None:
 def say(text: str = "") -> None:
     """Print text, with control characters made visible."""
     sys.stdout.write("\n".join(clean_text(line) for line in text.splitlines()) + "\n")
+
+
+def ask_in_writing(text: str) -> None:
+    """Write a question to standard error.
+
+    Raises
+    ------
+    BadInput
+        If nobody can read it there: an answer would belong to a question that the operator has not seen.
+    """
+    sys.stderr.write(text)
+    sys.stderr.flush()
+    if is_lost(sys.stderr):
+        raise BadInput("the operator cannot be asked: standard error is closed; run from a terminal")
 
 
 def quoted(path: Path) -> str:
