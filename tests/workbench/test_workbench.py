@@ -147,6 +147,24 @@ def test_a_session_that_is_being_measured_is_no_interrupted_one(tmp_path):
     assert (told["state"], told["resumable"]) == ("interrupted", True)
 
 
+def test_a_run_that_still_writes_its_report_is_not_resumed(tmp_path):
+    sweeps, _ = simulated_sweeps(7)
+    client = client_of(bench_of(tmp_path))
+    writer = SessionWriter.create(tmp_path / "s", {"title": "x", "procedure": measuring_only("impedance_only").source})
+    writer.add_sweep(sweeps[0])
+    writer.end()
+    base = f"/api/sessions/{client.get('/api/sessions').json()['sessions'][0]['id']}"
+
+    def told():
+        head = client.get(base).json()
+        return head["status"], head["interrupted"], head["resumable"], client.get(f"{base}/story").json()["next"]["do"] == "resume"
+
+    assert told() == ("done", True, False, False)
+    # Killed before its report was complete.
+    writer.log.close()
+    assert told() == ("done", True, True, True)
+
+
 def test_pages_are_told_what_the_command_line_changes(fitted):
     workbench = bench_of(fitted.parent, fitted)
     with served(workbench) as address, listening(address) as events:

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.data.paths import SESSION
 from motoremi.data.session import Session
+from motoremi.data.storage import is_being_written
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison
@@ -63,7 +65,9 @@ def head(desk: Desk, identifier: str) -> JsonDict:
 
 def resumable(session: Session) -> bool:
     """Whether a run of this session ended early and can be resumed."""
-    return "procedure" in session.start and (session.status != "done" or session.interrupted)
+    ended_early = "procedure" in session.start and (session.status != "done" or session.interrupted)
+    # A run that is done but still writes its report has not ended.
+    return ended_early and not is_being_written(session.path / SESSION)
 
 
 def _instruments(session: Session) -> list[JsonDict]:
