@@ -9,6 +9,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.analyser import specification
+from motoremi.data.immittance import PAIRS
 from motoremi.data.numbers import parse_number
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import split_lines
@@ -21,6 +22,18 @@ _R_AND_X = (
     {"RESISTANCE", "REACTANCE"},
     {"IMPEDANCE", "RESISTANCE", "REACTANCE"},
     {"IMPEDANCE", "REAL", "IMAG"},
+)
+# The same for other pairs of parameters, whose spelling in files is unconfirmed: words, and meanings of traces A and B.
+_OTHER_PAIRS = (
+    ({"G", "B"}, ("conductance", "susceptance")),
+    ({"ADMITTANCE", "G", "B"}, ("conductance", "susceptance")),
+    ({"CP", "D"}, ("parallel_capacitance", "dissipation_factor")),
+    ({"CP", "G"}, ("parallel_capacitance", "conductance")),
+    ({"CP", "RP"}, ("parallel_capacitance", "parallel_resistance")),
+    ({"CS", "D"}, ("series_capacitance", "dissipation_factor")),
+    ({"CS", "RS"}, ("series_capacitance", "series_resistance")),
+    ({"LS", "RS"}, ("series_inductance", "series_resistance")),
+    ({"LP", "RP"}, ("parallel_inductance", "parallel_resistance")),
 )
 _VALUE_TITLE = "Data Trace Real"
 # Names of adapters in the header, from the table on page 54 of the Programming Manual; the spelling in files is unconfirmed.
@@ -59,7 +72,7 @@ def parse_agilent_ascii(text: str, name: str) -> tuple[FloatArray, ComplexArray,
             raise BadInput(f"{name}: the header says {points} points but trace {letter} has {values.size}; the file is cut off")
     if not np.array_equal(frequency, frequency_b):
         raise BadInput(f"{name}: traces A and B are not on the same frequencies; save both from one sweep")
-    impedance, title = _impedance(header.get("MEASURE PARAMETER", ""), first, second, name)
+    impedance, title = _impedance(header.get("MEASURE PARAMETER", ""), frequency, first, second, name)
     adapter = next((word for name_, word in _ADAPTERS.items() if name_ in header.get("ADAPTER", "").upper()), "")
     return frequency, impedance, {**header, "analyser": specification("4294a", adapter, ""), "read_as": title}
 
@@ -108,7 +121,7 @@ def _values(trace: _Trace, letter: str, name: str) -> tuple[FloatArray, FloatArr
     return numbers[:, 0], numbers[:, 1]
 
 
-def _impedance(parameter: str, first: FloatArray, second: FloatArray, name: str) -> tuple[ComplexArray, str]:
+def _impedance(parameter: str, frequency: FloatArray, first: FloatArray, second: FloatArray, name: str) -> tuple[ComplexArray, str]:
     words = set(re.findall(r"[A-Z]+", parameter.upper()))
     if "ADMITTANCE" not in words and {"MAG", "PHASE"} <= words and len(words & {"DEG", "RAD"}) == 1:
         if np.any(first < 0):
@@ -117,6 +130,11 @@ def _impedance(parameter: str, first: FloatArray, second: FloatArray, name: str)
         return np.asarray(first * np.exp(1j * phase), dtype=np.complex128), "|Z| and phase"
     if words in _R_AND_X:
         return np.asarray(first + 1j * second, dtype=np.complex128), "R and X"
+    for those, meanings in _OTHER_PAIRS:
+        if words == those:
+            pair = next(pair for pair in PAIRS if (pair.first, pair.second) == meanings)
+            with np.errstate(all="ignore"):
+                return pair.impedance(2 * np.pi * frequency, first, second), pair.title
     raise BadInput(
         f"{name}: the traces hold {clean_text(parameter, 60)!r}; set them to impedance magnitude and phase, or to R and X, and save again"
     )

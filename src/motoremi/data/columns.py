@@ -25,6 +25,9 @@ _TRACE_MARK = re.compile(r"[\s_\-]*\bdata$|_data$", re.IGNORECASE)
 _MEMORY = re.compile(r"-mem\s*$", re.IGNORECASE)
 # WaveForms and Bode Analyzer Suite begin titles with `Trace` and its number.
 _TRACE_NUMBER = re.compile(r"^Trace(?:\s*[0-9]+)?\s*(?::|\s)\s*", re.IGNORECASE)
+# The two parameters of an LCR meter, and a trace of a ZNB such as `re:Trc1_S11` or `re:Trc1_Z<-S11`.
+_PLACE = re.compile(r"^(?:Primary|Secondary)\s+(?=\S)", re.IGNORECASE)
+_ZNB_TRACE = re.compile(r"^(re|im|mag|db|ang)\s*:\s*Trc[0-9]+_([^<\s]+)(?:<-S11)?", re.IGNORECASE)
 _MINUS = re.compile(r"^[-−–]\s*")
 # The detector of the lowest levels; without its minus it would be that of the highest.
 _NEGATIVE_PEAK = re.compile(r"\bpk-(?=$|[\s_(\[])", re.IGNORECASE)
@@ -75,8 +78,9 @@ _QUANTITIES = (
     _Quantity("frequency", HERTZ, _FREQUENCY),
     _Quantity("resistance", OHM, ("resistance", "r", *_REAL, "z'", *_part(_Z, *_REAL))),
     _Quantity("reactance", OHM, ("reactance", "x", "xs", *_IMAGINARY, "z''", *_part(_Z, *_IMAGINARY))),
-    _Quantity("magnitude", OHM, (*_Z, "|z|", *_MAGNITUDE[2:], *_part(_Z, *_MAGNITUDE))),
-    _Quantity("phase", ANGLE, (*_PHASE, "phase_angle", *_part(_Z, *_PHASE))),
+    _Quantity("magnitude", OHM, (*_Z, "|z|", "zmod", *_MAGNITUDE[2:], *_part(_Z, *_MAGNITUDE))),
+    # Some LCR meters write the unit behind the symbol, `θr` and `θd`.
+    _Quantity("phase", ANGLE, (*_PHASE, "phase_angle", "thetar", "thetad", "zphz", *_part(_Z, *_PHASE))),
     _Quantity("conductance", SIEMENS, ("conductance", "g", "gp", *_part(_Y, *_REAL))),
     _Quantity("susceptance", SIEMENS, ("susceptance", "b", "bp", *_part(_Y, *_IMAGINARY))),
     _Quantity("admittance", SIEMENS, (*_Y, "|y|", *_part(_Y, *_MAGNITUDE))),
@@ -144,7 +148,8 @@ def _title(title: str) -> _Title | None:
     """A title split into name and unit; None if it begins with no known name or is that of a memory trace or of the negative peak."""
     if len(title) > _LONGEST_TITLE or _MEMORY.search(title) or _NEGATIVE_PEAK.search(title):
         return None
-    whole = _TRACE_NUMBER.sub("", _TRACE_MARK.sub("", title.strip()))
+    whole = _PLACE.sub("", _TRACE_NUMBER.sub("", _TRACE_MARK.sub("", title.strip())))
+    whole = _ZNB_TRACE.sub(r"\1 \2", whole)
     text = _MINUS.sub("", whole)
     cuts = [len(text), *(mark.start() for mark in reversed(list(_SEPARATORS.finditer(text))))]
     for cut in cuts:

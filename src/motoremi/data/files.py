@@ -18,6 +18,7 @@ from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, reflection_of
 from motoremi.data.keysight_trace import is_keysight_trace, parse_keysight_trace
 from motoremi.data.numbers import look_grouped
+from motoremi.data.other_programs import table_of_other_program
 from motoremi.data.plausible import implausible, negative_resistance
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
@@ -138,11 +139,12 @@ def _readings(
         return [(rows, {**header, **known, "read_as": title}, "e4990a-csv" if "analyser" in known else "analyser-csv")]
     if is_receiver_dat(text) or is_keysight_trace(text):
         raise WrongKind(f"{name}: is the spectrum of a receiver, but an impedance sweep is needed here")
-    table, given = with_units(parse_table(text, name), units)
+    table, kind = table_of_other_program(text, name) or (parse_table(text, name), "csv")
+    table, given = with_units(table, units)
     readings = []
     for part in _sweeps_in(table, termination):
         rows, header, title = _rows_of_table(part, termination, band)
-        readings.append((dataclasses.replace(rows, changes=(*rows.changes, *given)), {**header, "read_as": title}, "csv"))
+        readings.append((dataclasses.replace(rows, changes=(*rows.changes, *given)), {**header, "read_as": title}, kind))
     return readings
 
 
@@ -283,7 +285,7 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
     impedance = impedance_of(table, found, pair, frequency)
     if pair.second in LOSSES and impedance.size and np.all(impedance.real >= 0):
         below = int(np.sum(column_values(table, found[pair.second]) < 0))
-        changes += (f"{pair.title}: the second is below 0 at {below} points, its sign is that of the reactance",) if below else ()
+        changes += (f"{pair.title}: the second is below 0 at {below} points, with the sign of the reactance; used without it",) if below else ()
     if pair in REFLECTIONS:
         refuse_between_ports(header, name)
         warnings += reflection_warnings(reflection_of(impedance))
