@@ -91,6 +91,13 @@ def test_a_repeat_without_a_file_is_named_by_its_place():
     assert any("open sweep number 1 is not used" in remark for remark in measurement.caveats())
 
 
+def test_repeats_of_one_file_are_named_by_their_places_in_it():
+    shorts = [sweep.with_metadata(source="all.csv") for sweep in (SHORT, taken("open", "short", 3))]
+    measurement = Measurement.of([*shorts, taken("open", "open", 2)])
+
+    assert any("short sweep all.csv number 2 is not used" in remark for remark in measurement.caveats())
+
+
 def circuit(frequency_hz, across_farad=0.0, scale=1.0):
     """Both terminations of a motor by the paper's formula; the capacitor is a suppressor from the terminal to the frame."""
     s = 2j * np.pi * frequency_hz

@@ -370,7 +370,12 @@ def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
         sigma = np.sqrt(np.mean(np.square(stated), axis=0)) if len(stated) == len(members) else None
         kept = _without_copies([member.impedance_ohm for member in members])
         repeats = np.array([members[place].impedance_ohm for place in kept])
-        names = tuple(str(members[place].metadata.get("source") or f"number {place + 1}") for place in kept)
+        sources = [str(member.metadata.get("source") or "") for member in members]
+        # One file may hold several repeats.
+        names = tuple(
+            sources[place] if sources[place] and sources.count(sources[place]) == 1 else f"{sources[place]} number {place + 1}".lstrip()
+            for place in kept
+        )
         groups.append(RepeatedSweep(termination, first.frequency_hz, repeats, sigma, copies=len(members) - len(kept), names=names))
     if not groups:
         raise BadInput("no impedance sweep: give a short-circuit sweep, an open-circuit sweep, or better both")
