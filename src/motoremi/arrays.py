@@ -1,9 +1,9 @@
-"""Common types: arrays of double precision, plain data, and progress functions."""
+"""Common types: arrays of double precision, plain data, mappings that cannot be changed, and progress functions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,3 +15,21 @@ IntArray: TypeAlias = NDArray[np.intp]
 JsonDict: TypeAlias = dict[str, Any]
 # What is being done, how much is done, and of how much.
 Progress: TypeAlias = Callable[[str, int, int], None]
+
+Key = TypeVar("Key")
+Value = TypeVar("Value")
+
+
+class FrozenDict(dict[Key, Value]):
+    """A dictionary of a result, which cannot be changed.
+
+    A subclass and not a `MappingProxyType`, because results are sent to other processes and written as JSON.
+    """
+
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError("results are immutable: change a copy, dict(...)")
+
+    __setitem__ = __delitem__ = clear = pop = popitem = setdefault = update = __ior__ = _refuse
+
+    def __reduce__(self) -> tuple[type[FrozenDict[Key, Value]], tuple[dict[Key, Value]]]:
+        return type(self), (dict(self),)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict, Progress
+from motoremi.arrays import FloatArray, FrozenDict, JsonDict, Progress
 from motoremi.drawing import figure_of
 from motoremi.emission.posterior import Posterior, to_unit
 from motoremi.emission.setup import Setup
@@ -49,6 +49,9 @@ class EmissionFit:
     rms_error_db: float
     log_evidence: float
     at_bound: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", FrozenDict(self.parameters))
 
     def setup(self) -> Setup:
         """The set-up that the fit found, to predict from."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from motoremi.arrays import BoolArray, FloatArray, JsonDict
+from motoremi.arrays import BoolArray, FloatArray, FrozenDict, JsonDict
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
@@ -108,6 +108,11 @@ class Comparison:
     bands: tuple[JsonDict, ...]
     where: tuple[JsonDict, ...]
     passed: bool
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "curves", FrozenDict(self.curves))
+        for name in ("bands", "where"):
+            object.__setattr__(self, name, tuple(FrozenDict(one) for one in getattr(self, name)))
 
     @property
     def verdict(self) -> str:
