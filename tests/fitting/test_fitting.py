@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from ngspice import needs_ngspice, solve
@@ -376,3 +378,15 @@ def test_a_step_back_to_the_valley_floor_saves_steps(monkeypatch):
     assert with_it.converged[0]
     assert with_it.objective[0] < without.objective[0] + 1e-3  # a thirtieth of an error bar
     assert with_it.evaluations < 0.25 * without.evaluations
+
+
+def test_a_fit_cannot_be_changed() -> None:
+    frequency = np.geomspace(150e3, 30e6, 61)
+    fitted = me.fit(me.dc_motor(), [me.ImpedanceSweep("short", frequency, impedance(DAMPED, "short", frequency))], analyser="none")
+    for mapping in (fitted.parameters, fitted.sigma, fitted.nuisance, fitted.held, fitted.bounds):
+        with pytest.raises(TypeError, match="immutable"):
+            mapping["La"] = 3.0  # type: ignore[index]
+    again = pickle.loads(pickle.dumps(fitted))
+    assert again.parameters == fitted.parameters
+    with pytest.raises(TypeError, match="immutable"):
+        again.parameters["La"] = 3.0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, FloatArray, JsonDict
+from motoremi.arrays import ComplexArray, FloatArray, FrozenDict, JsonDict
 from motoremi.data.analyser import DECLARED
 from motoremi.data.coarse import scatter_in_bins
 from motoremi.data.covariance import Sizes
@@ -41,6 +41,8 @@ SPECIFIED_SIGMA = 3.0
 # Error bars are those of an analyser whose errors are twice as large as declared: by so many times the declared variance that is more. With errors
 # of that size 90 % of 107 intervals of 95 % contained the truth; 84 % with the average over how much worse analysers may be (1.7).
 WORSE = 2.0**2 - 1
+# Fields of a fit that cannot be changed either.
+MAPPINGS = ("parameters", "sigma", "nuisance", "bounds", "held", "search_parameters", "likeliest_parameters")
 # Standard deviations by which chi-squared is above what noise and analyser leave: of a complex value at each point its mean has one of
 # 1 / sqrt(points).
 PLAINLY_MORE = 5.0
@@ -116,6 +118,12 @@ class Fit:
     held: Mapping[str, float] = field(default_factory=dict)
     search_parameters: Mapping[str, float] = field(default_factory=dict)
     likeliest_parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in MAPPINGS:
+            own = getattr(self, name)
+            if not isinstance(own, FrozenDict):
+                object.__setattr__(self, name, FrozenDict(own))
 
     def __getstate__(self) -> dict[str, object]:
         """The part that is sent to another process; derived values are computed there."""
