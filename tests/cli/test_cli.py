@@ -243,7 +243,7 @@ CASES = {
     "binary": (bytes(range(256)) * 8, ""),
     "truncated": (b"frequency_hz,resistance_ohm,reactance_ohm\n" + b"".join(b"%d,1.5,2.5\n" % (1000 * k) for k in range(1, 30)) + b"30000,1.", ""),
     "nan": (b"frequency_hz,resistance_ohm,reactance_ohm\n" + b"".join(b"%d,nan,2\n" % (1000 * k) for k in range(1, 30)), ""),
-    "unsorted": (b"frequency_hz,resistance_ohm,reactance_ohm\n" + b"".join(b"%d,1,2\n" % (50_000 - 1000 * k) for k in range(1, 30)), "increas"),
+    "unsorted": (b"frequency_hz,resistance_ohm,reactance_ohm\n" + b"".join(b"%d,1,2\n" % (1000 * (k ^ 1)) for k in range(2, 32)), "increas"),
     "repeated": (b"frequency_hz,resistance_ohm,reactance_ohm\n" + b"1000,1,2\n" * 30, "twice"),
     "decibel": (b"frequency_hz,level_dbuv\n" + b"".join(b"%d,40\n" % (1000 * k) for k in range(1, 30)), ""),
 }
