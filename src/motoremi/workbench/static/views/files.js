@@ -55,7 +55,7 @@ export function filesRead(data, page) {
     h("option", { value: "", disabled: true, selected: !data.fixture }, "choose"), data.fixtures.map((name) => h("option", { value: name, selected: name === data.fixture }, name)));
   return h("div", {},
     table(["file", "use as", "remove"], data.files.map(row), { id: "files-read" }),
-    ports && h("p", {}, h("label", {}, "The motor stood between the two ports in ", fixture)),
+    ports && h("p", {}, h("label", {}, "Connection of the motor to the two ports (reflection: port 1 alone) ", fixture)),
     h("div", { class: "row" }, button("Remove all", () => act("removing", "/clear"), { id: "clear-files" })));
 }
 
