@@ -143,6 +143,22 @@ def test_the_safe_state_of_the_4294a() -> None:
     transport.finish()
 
 
+def test_a_refused_command_does_not_keep_the_others_of_the_safe_state_from_being_sent() -> None:
+    records: list[dict[str, str]] = [{"direction": "clear"}, {"direction": "write", "text": "*CLS\n"}]
+    for command in ("DCO OFF", "HOLD", "POWE 0.005 V"):
+        records += [
+            {"direction": "write", "text": f"{command}\n"},
+            {"direction": "write", "text": "OUTPERRO?\n"},
+            {"direction": "read", "text": '21,"OUT OF RANGE"\n' if command == "DCO OFF" else "0\n"},
+        ]
+        if command == "DCO OFF":
+            records += [{"direction": "write", "text": "OUTPERRO?\n"}, {"direction": "read", "text": "0\n"}]
+    transport = ReplayTransport("SCRIPT", records)
+    with pytest.raises(InstrumentError, match=r"OUT OF RANGE.*DCO OFF"):
+        Agilent4294A(transport).safe()
+    transport.finish()
+
+
 def test_a_scan_of_the_esr() -> None:
     settings = [
         ("SCAN1:STAR?", "150000"),

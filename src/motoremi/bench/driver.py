@@ -201,7 +201,15 @@ class Driver(abc.ABC):
         if self.transport.service_requests:
             # A sweep started later from the front panel must not request service from other programs on the bus.
             self.transport.write("*SRE 0")
-        self.tell(*self.safe_commands)
+        refused = []
+        for command in self.safe_commands:
+            # Each is sent, whatever became of the one before it.
+            try:
+                self.tell(command)
+            except RefusedCommand as error:
+                refused.append(error)
+        if refused:
+            raise refused[0]
 
     def settings(self) -> JsonDict:
         """Every setting of the table, as the instrument itself reports it, in SI units."""
