@@ -67,14 +67,14 @@ def _beyond(ratio: float, covered: float) -> float:
     return 1.0 if 1 / covered <= ratio <= covered else ratio
 
 
-def _scales(parameter: Parameter) -> bool:
+def _scales(effect: Effect, parameter: Parameter) -> bool:
     """Not the analyser's own errors, nor what is found by a scan."""
-    return parameter.scale == "log" and parameter.vary
+    return effect.group != "instrument" and parameter.scale == "log" and parameter.vary
 
 
 def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[Any, float]]:
     """An effect's start values for each band of a measurement, SI units."""
-    units: dict[Any, str] = {p.name: p.unit for p in effect.parameters if _scales(p)}
+    units: dict[Any, str] = {p.name: p.unit for p in effect.parameters if _scales(effect, p)}
     if effect.group != "instrument":
         units |= {Subtract(p.name): p.unit for p in BASE_PARAMETERS}
     factors = [{name: band.factor(unit) for name, unit in units.items()} for band in bands(measurement)]
@@ -91,7 +91,7 @@ def scaled_ranges(effect: Effect, label: str, measurement: Measurement) -> dict[
     if effect.kin == "suppressor":
         return found
     for parameter in effect.parameters:
-        factors = [band.factor(parameter.unit) for band in bands(measurement)] if _scales(parameter) else [1.0]
+        factors = [band.factor(parameter.unit) for band in bands(measurement)] if _scales(effect, parameter) else [1.0]
         low, high = parameter.low * min(1.0, *factors, 1.0), parameter.high * max(1.0, *factors, 1.0)
         if (low, high) != (parameter.low, parameter.high):
             found[f"{label}.{parameter.name}"] = (low, high)
