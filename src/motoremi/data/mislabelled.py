@@ -25,6 +25,7 @@ BEGIN_BELOW_HZ, SAME_START = 0.5e6, 1.5
 # simulated motors with exchanged sweeps from 10, 100 or 150 kHz are told, and none with the right ones. Of sweeps from 1 MHz upwards, where motors
 # have their first resonances, 8 of 2880 were told, and two with the right ones.
 PLAIN_DEG, OF_SLOPE, LARGER = 70.0, 0.35, 2.0
+EXCHANGED = "the short and the open sweeps seem to be exchanged: at low frequencies the short one is a capacitance and the open one is not"
 
 
 @dataclass(frozen=True)
@@ -99,10 +100,7 @@ def label_remarks(sweeps: Sequence[RepeatedSweep]) -> list[str]:
                 f"again with --{other} for {'them' if several else 'it'}, or without {'them' if several else 'it'}"
             )
     if exchanged(sweeps):
-        remarks.append(
-            "the short and the open sweeps seem to be exchanged: at low frequencies the short one is a capacitance and the open one is not; check "
-            "the far end of the winding, and if so import again with the files of --short and --open exchanged"
-        )
+        remarks.append(f"{EXCHANGED}; check the far end of the winding, and if so import again with the files of --short and --open exchanged")
     return remarks
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
-from motoremi.data.mislabelled import exchanged, measured_twice
+from motoremi.data.mislabelled import EXCHANGED, exchanged, measured_twice
 from motoremi.data.moved import student_factor
 from motoremi.data.plausible import SENTENCES, wrong_phase
 from motoremi.data.sweep import RepeatedSweep
@@ -265,7 +265,7 @@ def exchanged_in(measurement: Measurement) -> Finding | None:
         return None
     return Finding(
         "sweeps-exchanged",
-        "the short and the open sweeps seem to be exchanged: at low frequencies the short one is a capacitance and the open one is not",
+        EXCHANGED,
         "check the far end of the winding; if the files were exchanged, import them again the other way round",
         True,
     )

@@ -22,7 +22,7 @@ from motoremi.model.path_to_frame import frames
 from motoremi.model.rational import Rational, rational_fit
 
 CAPACITOR, CHOKE = "suppressor-capacitor", "suppressor-choke"
-# Its shares of the whole capacitance that are tried.
+# Shares of the whole capacitance to the frame, tried as that of a capacitor.
 SHARES = (0.6, 0.9, 0.99)
 # Loss tangent of a good capacitor.
 LITTLE_LOSS = 0.002
@@ -80,7 +80,7 @@ def suppressor_choke(seen: Seen) -> list[dict[Any, float]]:
         + from_rational(_behind_capacitors(seen) if seen.place == "brushes" else seen.choked, _choke)
         + [
             {
-                Set("Ra"): max(float(seen.short_ohm.real[0]), 1e-3),
+                Set("Ra"): max(float(seen.short_ohm.real[0]), LEAST_OHM),
                 Set("La"): (1 - part) * henry,
                 Set("Ca"): farad,
                 "inductance_h": part * henry,
