@@ -15,11 +15,12 @@ from motoremi.data.analyser_csv import is_analyser_csv, plain_table
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble, with_units
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
-from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, reflection_of
+from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of
 from motoremi.data.keysight_trace import is_keysight_trace, parse_keysight_trace
 from motoremi.data.numbers import look_grouped
 from motoremi.data.other_programs import table_of_other_program
 from motoremi.data.plausible import implausible, negative_resistance
+from motoremi.data.quantity import REFLECTION
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
 from motoremi.data.rows import Band, Rows, in_rising_order, reflection_warnings, refuse_between_ports, rising_frequency, used_rows
@@ -288,7 +289,7 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
         changes += (f"{pair.title}: the second is below 0 at {below} points, with the sign of the reactance; used without it",) if below else ()
     if pair in REFLECTIONS:
         refuse_between_ports(header, name)
-        warnings += reflection_warnings(reflection_of(impedance))
+        warnings += reflection_warnings(REFLECTION.coefficient_of(impedance))
     return Rows(frequency, impedance, sigma, table.where, changes, warnings), header, pair.title
 
 

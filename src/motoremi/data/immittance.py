@@ -11,13 +11,13 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.columns import Column
 from motoremi.data.numbers import last_place
+from motoremi.data.quantity import REFERENCE_OHM, REFLECTION
 from motoremi.data.table import Table
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 
 # (angular frequency, first, second) -> impedance in ohm
 ToImpedance: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], ComplexArray]
-REFERENCE_OHM = 50.0
 # Reference resistances of network analysers, in ohm: beside R and X a file may hold reflections in either.
 _REFERENCES_OHM = (REFERENCE_OHM, 75.0)
 # Largest relative difference of Z between columns of one row beyond the rounding of their numbers: the same as of two readings at one frequency
@@ -52,8 +52,7 @@ def _polar(w: FloatArray, magnitude: FloatArray, phase_deg: FloatArray) -> Compl
 
 
 def _reflection(w: FloatArray, a: FloatArray, b: FloatArray) -> ComplexArray:
-    s = _rectangular(w, a, b)
-    return REFERENCE_OHM * (1 + s) / (1 - s)
+    return REFLECTION.impedance_of(_rectangular(w, a, b))
 
 
 def _series(w: FloatArray, reactance: FloatArray, loss: FloatArray) -> ComplexArray:
@@ -77,8 +76,7 @@ def _parallel(w: FloatArray, susceptance: FloatArray, loss: FloatArray) -> Compl
 
 
 def _reflection_polar(w: FloatArray, magnitude: FloatArray, phase_deg: FloatArray) -> ComplexArray:
-    s = _polar(w, magnitude, phase_deg)
-    return REFERENCE_OHM * (1 + s) / (1 - s)
+    return REFLECTION.impedance_of(_polar(w, magnitude, phase_deg))
 
 
 def _reflection_db(w: FloatArray, decibels: FloatArray, phase_deg: FloatArray) -> ComplexArray:
@@ -224,11 +222,6 @@ def _expected_reflection(meaning: str, s: ComplexArray) -> tuple[FloatArray, Flo
 def _last_places(table: Table, column: Column) -> FloatArray:
     """One unit in the last digit of each number of a column, in its SI unit."""
     return np.array([last_place(cells[column.index]) for cells in table.rows]) * abs(column.factor)
-
-
-def reflection_of(impedance: ComplexArray) -> ComplexArray:
-    """Reflection coefficient in 50 Ohm."""
-    return (impedance - REFERENCE_OHM) / (impedance + REFERENCE_OHM)
 
 
 def column_values(table: Table, column: Column) -> FloatArray:
