@@ -91,3 +91,4 @@ def test_exchanged_sweeps_are_data_and_no_effect():
     assert (found.verdict, found.effects) == ("data", ())
     assert found.findings[0].id == "sweeps-exchanged"
     assert found.reasons == (found.findings[0].why,)
+    assert found.following == {"id": "repeats", "why": found.findings[0].remedy}

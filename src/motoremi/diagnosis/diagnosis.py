@@ -433,7 +433,11 @@ def _concluded(
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
         singles.sort(key=closeness)
-        following = next_measurement(base, question, measurement.done)
+        remedies = [one.remedy for one in findings if one.serious and one.id in {*ABOUT_THE_DATA, *CONTRADICTIONS}]
+        if verdict == "data" and remedies:
+            following: JsonDict = {"id": "repeats", "why": remedies[0]}
+        else:
+            following = next_measurement(base, question, measurement.done)
     else:
         singles.sort(key=lambda one: (one.effect not in named, bool(one.unusual), -round(probabilities[one.effect], 6), -one.score))
         following = next_measurement(best.fit if named else base, question, measurement.done)
