@@ -18,18 +18,17 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.optimize import nnls
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
+from motoremi.data.noise_law import SMALLEST_SIGMA, Domain, domain_of, fitted_by_law
 from motoremi.data.quantity import Quantity
 from motoremi.data.repeats import CorrelatedPart, contrasts, correlated_part, drift_of
+from motoremi.data.scatter import noise_by_scatter
 from motoremi.data.spikes import spikes
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.interrupts import checkpoint
 
 NoiseSource: TypeAlias = Literal["repeats", "stated", "scatter"]
-# Smallest noise that is assumed: files have 6 or 7 digits, and the export of a 4294A with the lowest noise at hand scatters by 6e-5.
-SMALLEST_SIGMA = 1e-5
 # Scatter from point to point misses slower variations. In a native 4294A export of an R-L load the residuals of a good fit are 1.5 times
 # the scatter, so the correlated part has a variance of 1.5^2 - 1 times that of the white part.
 UNSEEN_BY_SCATTER = 1.1
@@ -37,9 +36,6 @@ UNSEEN_BY_SCATTER = 1.1
 # without a disturbance the largest factor was 5.8, in 14 sweeps with broadcast stations all were above 18.
 OUTLIER = 9.0
 NEIGHBOURS = 15
-# With fewer points, the scatter about the neighbours is that of the curve (70 % of |Z| with 11 points from 150 kHz to 30 MHz, 0.3 % with 31, where
-# the noise was 0.2 %): then the noise is not assumed to be larger than the second number, which no usable analyser exceeds.
-COARSE, MOST_OF_COARSE = 30, 0.03
 
 
 @dataclass(frozen=True)
@@ -133,53 +129,15 @@ def noise_anew(key: ByContent) -> Noise:
     return dataclasses.replace(noise, sigma=np.maximum(noise.sigma, off), outliers=outliers)
 
 
-@dataclass(frozen=True, eq=False)
-class _Domain:
-    """The quantity in which an analyser's noise follows a simple law: Z itself, or the coefficient that is measured.
-
-    Parameters
-    ----------
-    response : ndarray, shape (n,)
-        Complex; the mean of the repeats in it.
-    to_relative : ndarray, shape (n,)
-        Real or complex; change relative to Z for one of the response.
-    law : ndarray, shape (n, m)
-        Parts of the variance of the white noise of the response, each of unknown size.
-    """
-
-    response: ComplexArray
-    to_relative: FloatArray | ComplexArray
-    law: FloatArray
-
-
-def _domain_of(key: ByContent) -> _Domain:
-    return _relative_domain(key.sweep.mean_ohm) if key.quantity is None else _wave_domain(key.quantity, key.sweep.mean_ohm)
-
-
-def _relative_domain(mean_ohm: ComplexArray) -> _Domain:
-    """Noise relative to Z: r^2 + (z/|Z|)^2 + (y |Z|)^2."""
-    magnitude = np.abs(mean_ohm)
-    response = np.log(magnitude) + 1j * np.unwrap(np.angle(mean_ohm))
-    law = np.column_stack([np.ones_like(magnitude), 1 / magnitude**2, magnitude**2])
-    return _Domain(response, np.ones(magnitude.size), law)
-
-
-def _wave_domain(quantity: Quantity, mean_ohm: ComplexArray) -> _Domain:
-    """Noise of a coefficient c: a^2 + (b |c|)^2."""
-    coefficient = quantity.coefficient_of(mean_ohm)
-    law = np.column_stack([np.ones(coefficient.size), np.abs(coefficient) ** 2])
-    return _Domain(coefficient, quantity.relative(mean_ohm), law)
-
-
 def estimated(key: ByContent) -> Noise:
     """Noise from the repeats, as stated by the user, or from the scatter."""
-    sweep, domain = key.sweep, _domain_of(key)
+    sweep, domain = key.sweep, domain_of(key.quantity, key.sweep.mean_ohm)
     if sweep.repeats > 1:
         return _from_repeats(key, domain)
     if sweep.sigma_relative is not None:
         return Noise(np.maximum(sweep.sigma_relative, SMALLEST_SIGMA), "stated")
-    sigma = _from_scatter(sweep.frequency_hz, domain.response)
-    return Noise(sigma * np.abs(domain.to_relative), "scatter", UNSEEN_BY_SCATTER * float(np.median(sigma)) * domain.to_relative)
+    sigma = noise_by_scatter(sweep.frequency_hz, domain)
+    return Noise(sigma * np.abs(domain.to_relative), "scatter", UNSEEN_BY_SCATTER * sigma * domain.to_relative)
 
 
 class _Random(NamedTuple):
@@ -197,7 +155,7 @@ class _Random(NamedTuple):
 @lru_cache(maxsize=4)
 def _random(key: ByContent) -> _Random:
     """White noise from sample variances, fitted by the analyser's law times a slow correction; then correlated noise."""
-    sweep, domain = key.sweep, _domain_of(key)
+    sweep, domain = key.sweep, domain_of(key.quantity, key.sweep.mean_ohm)
     deviations = (sweep.impedance_ohm / sweep.mean_ohm - 1) / domain.to_relative
     free = contrasts(deviations)
     variance = np.mean(np.abs(free) ** 2, axis=0) / 2
@@ -212,7 +170,7 @@ def repeats_log_likelihood(key: ByContent) -> float:
     return _random(key).correlated.log_likelihood
 
 
-def _from_repeats(key: ByContent, domain: _Domain) -> Noise:
+def _from_repeats(key: ByContent, domain: Domain) -> Noise:
     """White and correlated noise, and a drift."""
     sweep = key.sweep
     deviations, free, variance, outliers, white, (correlated, factor, _) = _random(key)
@@ -256,7 +214,7 @@ def _drift(sweep: RepeatedSweep, sigma: FloatArray, correlated: float, free: Com
 def _outliers(variance: FloatArray, law: FloatArray) -> BoolArray:
     """Points whose repeats differ far more than those of their neighbours and than the analyser's law allows."""
     beside = _median_of_neighbours(variance)
-    allowed = _by_law(np.minimum(variance, OUTLIER * beside), law)
+    allowed = fitted_by_law(np.minimum(variance, OUTLIER * beside), law)
     limit = OUTLIER**2
     return (variance > limit * beside) & (variance > limit * allowed)
 
@@ -267,42 +225,8 @@ def _median_of_neighbours(variance: FloatArray) -> FloatArray:
 
 def _white(variance: FloatArray, law: FloatArray) -> FloatArray:
     """Standard deviation of one repeat from sample variances."""
-    expected = _by_law(variance, law)
+    expected = fitted_by_law(variance, law)
     # The slow correction averages over so many points that its own scatter stays near 10 %.
     width = min(len(variance), max(25, len(variance) // 6))
     correction = uniform_filter1d(variance / expected, width, mode="reflect")
     return np.maximum(np.sqrt(expected * np.clip(correction, 0.25, 4.0)), SMALLEST_SIGMA)
-
-
-def _by_law(variance: FloatArray, law: FloatArray) -> FloatArray:
-    """The parts of a law, shape (n, m), fitted to sample variances, whose scatter is proportional to their size."""
-    fitted = np.full_like(variance, max(float(np.mean(variance)), SMALLEST_SIGMA**2))
-    for _ in range(8):
-        scaled = law / fitted[:, None]
-        norms = np.linalg.norm(scaled, axis=0)
-        coefficients = nnls(scaled / norms, variance / fitted)[0] / norms
-        fitted = np.maximum(law @ coefficients, SMALLEST_SIGMA**2)
-    return fitted
-
-
-def _from_scatter(frequency_hz: FloatArray, response: ComplexArray) -> FloatArray:
-    """Scatter about a local cubic through the neighbours; at most `MOST_OF_COARSE` if the points of the sweep are far apart.
-
-    Medians prevent sharp resonances, which a cubic cannot follow, from being counted as noise.
-    """
-    logarithm = np.log(frequency_hz)
-    half = 3
-    start = np.clip(np.arange(response.size) - half, 0, response.size - 2 * half - 1)
-    windows = start[:, None] + np.arange(2 * half + 1)
-    x = logarithm[windows] - logarithm[:, None]
-    x = x / np.max(np.abs(x), axis=1, keepdims=True)
-    orthonormal = np.linalg.qr(x[..., None] ** np.arange(4))[0]
-    inside = response[windows][..., None]
-    residual = inside - orthonormal @ (np.swapaxes(orthonormal, 1, 2) @ inside)
-    # 7 points less 4 coefficients leave 3 complex degrees of freedom.
-    variance = np.sum(np.abs(residual[..., 0]) ** 2, axis=1) / (2 * 3)
-    # Median of chi-squared with 6 degrees of freedom over its mean.
-    typical = median_filter(variance, size=min(31, len(variance)), mode="nearest") / 0.8914
-    overall = float(np.median(variance)) / 0.8914
-    sigma = np.maximum(np.sqrt(np.minimum(typical, 9 * overall)), SMALLEST_SIGMA)
-    return np.minimum(sigma, MOST_OF_COARSE) if response.size < COARSE else sigma

@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from motoremi.data.local_rational import COEFFICIENTS, LocalEquations
 from motoremi.interrupts import checkpoint
 
-# Neighbours of a point, and coefficients of numerator and denominator.
-NEIGHBOURS, COEFFICIENTS = 12, 5
+# Neighbours of a point.
+NEIGHBOURS = 12
 # Points with fewer neighbours on one side, at the ends of a sweep, are not tested.
 BESIDE = 4
 # Standard deviations of the prediction. Of t-distributed deviations with 14 degrees of freedom three in ten million are larger.
@@ -69,10 +70,8 @@ def _windows(count: int) -> IntArray:
 def _against_neighbours(frequency_hz: FloatArray, impedance: ComplexArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """|Z/prediction - 1| of each point and its standard deviation, both of shape (n,)."""
     windows = _windows(frequency_hz.size)
-    x = frequency_hz[windows] - frequency_hz[:, None]
-    x = x / np.abs(x).max(axis=1, keepdims=True)
-    y = impedance[windows] / impedance[:, None]
-    columns = np.stack([np.ones_like(y), x + 0j, x**2 + 0j, -y * x, -y * x**2], axis=2)
+    equations = LocalEquations.of(frequency_hz, impedance[windows] / impedance[:, None], windows)
+    y, columns = equations.values, equations.columns
     noise = sigma[windows] * np.abs(y)
     denominator = np.ones_like(y)
     # The noise of each equation is that of the point times the denominator there, known after the first iteration (Sanathanan, Koerner, 1963).
@@ -81,7 +80,7 @@ def _against_neighbours(frequency_hz: FloatArray, impedance: ComplexArray, sigma
         rows = columns * weight[:, :, None]
         inverse = np.linalg.pinv(rows, rcond=1e-10)
         coefficients = (inverse @ (y * weight)[:, :, None])[:, :, 0]
-        denominator = 1 + coefficients[:, 3:4] * x + coefficients[:, 4:5] * x**2
+        denominator = equations.denominator(coefficients)
     left = y * weight - (rows @ coefficients[:, :, None])[:, :, 0]
     # Variance of the residuals in units of the noise; a value below 1 is chance.
     excess = np.maximum(np.sum(np.abs(left) ** 2, axis=1) / (2 * (NEIGHBOURS - COEFFICIENTS)), 1.0)

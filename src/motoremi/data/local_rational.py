@@ -1,0 +1,41 @@
+"""Local rational functions (two poles, two zeros) through the points of a sweep: they follow a resonance however sharp it is."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from motoremi.arrays import ComplexArray, FloatArray, IntArray
+
+# Coefficients of numerator and denominator: (a + b x + c x^2) / (1 + d x + e x^2).
+COEFFICIENTS = 5
+
+
+class LocalEquations(NamedTuple):
+    """Equations for the coefficients in one window around each point, linear after multiplication by the denominator.
+
+    Parameters
+    ----------
+    place : ndarray, shape (n, k)
+        Distance in frequency from the point, the largest 1.
+    values : ndarray, shape (n, k)
+        Complex; what is described, in any unit for each point.
+    columns : ndarray, shape (n, k, 5)
+        Complex; what the coefficients are multiplied by.
+    """
+
+    place: FloatArray
+    values: ComplexArray
+    columns: ComplexArray
+
+    @classmethod
+    def of(cls, frequency_hz: FloatArray, values: ComplexArray, windows: IntArray) -> LocalEquations:
+        """The equations for values in windows, both of shape (n, k); a window holds the indices of the points that are used at each point."""
+        x = frequency_hz[windows] - frequency_hz[:, None]
+        x = x / np.abs(x).max(axis=1, keepdims=True)
+        return cls(x, values, np.stack([np.ones_like(values), x + 0j, x**2 + 0j, -values * x, -values * x**2], axis=2))
+
+    def denominator(self, coefficients: np.ndarray) -> np.ndarray:
+        """Of the rational functions with these coefficients, shape (n, k)."""
+        return 1 + coefficients[:, 3:4] * self.place + coefficients[:, 4:5] * self.place**2
