@@ -129,6 +129,14 @@ def test_the_derivatives_of_a_prediction_are_those_of_finite_differences(text: s
         assert (outcome.at(u, step)[0] - mean) / 1e-6 == pytest.approx(by_eta[index], rel=1e-3, abs=1e-4)
 
 
+def test_what_was_taught_is_computed_once_for_the_same_explanations() -> None:
+    measured = Measurement.of(sweeps({}), values=(parse_value("insulation-resistance=1e9ohm"),))
+    bare = base()
+    one, again = (rivals_of({(): (bare, 0.0)}, 0.03) for _ in range(2))
+    assert update(one, measured) is update(again, measured)
+    assert update(rivals_of({(): (bare, 0.0)}, 0.3), measured).outside > update(one, measured).outside
+
+
 def test_without_new_data_nothing_is_another() -> None:
     assert update(rivals(), Measurement.of(sweeps({}))) is rivals()
 

@@ -34,7 +34,7 @@ MINUTES_GOALS: Mapping[str, float] = {"fixed order": 0.5, "random": 0.5, "cheape
 SECONDS_GOAL, SURE = 5.0, 0.8
 
 Judge: TypeAlias = Callable[[Evidence], Assessment]
-# Name and number of each measurement so far, in alphabetical order, so that the order of the requests does not matter.
+# Name and number of each measurement so far, in order: what the earlier ones taught is computed already, and it is what a session would hold.
 _Done: TypeAlias = tuple[tuple[str, int], ...]
 
 
@@ -195,18 +195,16 @@ def _guarded(case: Sealed, policy: str, assessed: Callable[[_Done, Mapping[str, 
 
 def _run(case: Sealed, policy: str, assessed: Callable[[_Done, Mapping[str, Offer]], Assessment]) -> Run:
     rng = np.random.default_rng([case.seed, case.index, zlib.crc32(policy.encode())])
-    done: list[tuple[str, int]] = []
+    done: _Done = ()
     asked: dict[str, Offer] = {}
-    order: list[str] = []
     made: list[str] = []
     seconds: list[float] = []
     searches: list[float] = []
     noticed: set[str] = set()
     minutes = 0.0
 
-    def with_it(offer: Offer) -> tuple[tuple[str, int], ...]:
-        turn = sum(name == offer.id for name, _ in done)
-        return tuple(sorted([*done, (offer.id, turn)]))
+    def with_it(offer: Offer) -> _Done:
+        return (*done, (offer.id, sum(name == offer.id for name, _ in done)))
 
     def look(offer: Offer) -> Assessment:
         return assessed(with_it(offer), {**asked, offer.id: offer})
@@ -217,22 +215,22 @@ def _run(case: Sealed, policy: str, assessed: Callable[[_Done, Mapping[str, Offe
         searches.append(now.search_seconds)
         noticed.update(now.mistaken)
         left = [offer for offer in now.offers if minutes + offer.minutes <= BUDGET_MINUTES]
-        if now.stop or not left or len(order) >= MOST_STEPS:
+        if now.stop or not left or len(done) >= MOST_STEPS:
             stop = now.stop or ("budget" if now.offers else "nothing-left")
             break
         offer = _chosen(policy, now, left, look, case, rng)
-        turn = sum(name == offer.id for name in order)
-        if case.give(offer.asked, turn).mistake is not None:
+        done = with_it(offer)
+        if case.give(offer.asked, done[-1][1]).mistake is not None:
             made.append(offer.id)
-        done[:] = with_it(offer)
         asked[offer.id] = offer
-        order.append(offer.id)
         minutes += offer.minutes
-        now = assessed(tuple(done), asked)
+        now = assessed(done, asked)
     found = tuple(name for name in made if name in noticed)
     alarms = tuple(sorted(noticed - set(made)))
     outside = now.probabilities.get(OUTSIDE, 0.0)
-    return Run(policy, tuple(order), minutes, stop, now.conclude(), outside, tuple(made), found, alarms, tuple(seconds), tuple(searches))
+    return Run(
+        policy, tuple(name for name, _ in done), minutes, stop, now.conclude(), outside, tuple(made), found, alarms, tuple(seconds), tuple(searches)
+    )
 
 
 def _chosen(policy: str, now: Assessment, left: list[Offer], look: Look, case: Sealed, rng: np.random.Generator) -> Offer:

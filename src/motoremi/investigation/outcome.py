@@ -105,6 +105,7 @@ class Outcome:
         self._scale = np.array([problem.vector_scale(i) for i in range(len(problem.unknowns))])
         self._tapes = [Tape(self._circuit(sweep), self._names) for sweep in self.sweeps]
         self._before = [None if self.absolute else self._reference_tape(sweep) for sweep in self.sweeps]
+        self._kept: dict[int, tuple[FloatArray, tuple[ComplexArray, ComplexArray]]] = {}
 
     @property
     def listed(self) -> bool:
@@ -208,7 +209,7 @@ class Outcome:
                 if before is None:
                     mean, relative = logarithm(impedance), gradient / impedance
                 else:
-                    reference, tilt = before.gradient(s, values)
+                    reference, tilt = self._before_change(number, before, s, u, values)
                     mean = self._changed(number, reference, impedance)
                     relative, tilt = gradient * self._steepness(number, impedance), tilt * self._steepness(number, reference)
                 own = np.where(redrawn[:, None], 0.0, relative * factor[:, None])[self._varying] * chain[:, None]
@@ -223,8 +224,15 @@ class Outcome:
             means.append(_real(mean))
             by_u.append(_real(own))
             by_eta.append(_real(response))
-        together, own_slopes, answers = (np.nan_to_num(np.concatenate(parts, axis=-1)) for parts in (means, by_u, by_eta))
+        together, own_slopes, answers = (_numbers(np.concatenate(parts, axis=-1)) for parts in (means, by_u, by_eta))
         return together, own_slopes, answers
+
+    def _before_change(self, number: int, tape: Tape, s: ComplexArray, u: FloatArray, values: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """The reference sweep of sweep `number` and its derivatives; a search often changes the response alone, so the last ones are kept."""
+        kept = self._kept.get(number)
+        if kept is None or not np.array_equal(kept[0], u):
+            kept = self._kept[number] = (u, tape.gradient(s, values))
+        return kept[1]
 
     @cached_property
     def _per_coefficient(self) -> list[ComplexArray]:
@@ -529,6 +537,11 @@ def _standard(name: str, value: float | None, s: ComplexArray) -> Node:
 
 def _known(impedance_ohm: ComplexArray) -> Leaf:
     return Leaf("known", laws.given(impedance_ohm), ())
+
+
+def _numbers(values: FloatArray) -> FloatArray:
+    """The values, with zero and the largest numbers in place of what is none."""
+    return values if np.isfinite(values).all() else np.nan_to_num(values)
 
 
 def _finite(impedance_ohm: ComplexArray) -> ComplexArray:

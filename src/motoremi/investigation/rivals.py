@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import combinations
+from weakref import WeakValueDictionary
 
 import numpy as np
 from scipy.special import logsumexp
@@ -132,6 +133,11 @@ class Rivals:
     imitated_share: float = 0.0
 
     @cached_property
+    def learnt(self) -> dict[tuple[bytes, ...], Rivals]:
+        """The same explanations after further measurements, by their data; `Lessons` fills it."""
+        return {}
+
+    @cached_property
     def probabilities(self) -> dict[Key, float]:
         """Of each explanation."""
         logs = np.array([one.log_weight for one in self.members])
@@ -181,7 +187,13 @@ def rivals_of(fits: Mapping[Key, tuple[Fit, float]], outside: float, imitated_sh
     inside = float(logsumexp([one.log_weight for one in members]))
     leading = members[0]
     members.append(Rival((OUTSIDE,), leading.fit, inside + float(np.log(outside / (1 - outside))), leading.known))
-    return Rivals(tuple(members), imitated_share=imitated_share)
+    made = Rivals(tuple(members), imitated_share=imitated_share)
+    return _MADE.setdefault((imitated_share, *((one.key, id(one.fit), one.log_weight) for one in members)), made)
+
+
+# Explanations with the same fits and weights are one object while it is in use, so that what they were taught is computed once. It holds its fits:
+# no other fit has their `id` meanwhile.
+_MADE: WeakValueDictionary[tuple[object, ...], Rivals] = WeakValueDictionary()
 
 
 def update(rivals: Rivals, measurement: Measurement) -> Rivals:
@@ -208,7 +220,7 @@ class Lessons:
 
     def __init__(self, start: Rivals) -> None:
         self._start = start
-        self._learnt: dict[tuple[bytes, ...], Rivals] = {}
+        self._learnt = start.learnt
 
     @one_blas_thread
     def after(self, measurement: Measurement) -> Rivals:
@@ -243,11 +255,11 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
         for left_out in combinations(sorted(wrong), size):
             used = [one for one in sweeps if one.termination not in left_out]
             instead = sum(wrong[name].log_likelihood for name in left_out)
-            guess = _weighed(leading, used, rivals, again).log_likelihood if used else 0.0
-            if guess + instead + len(used) * right < best - PLAUSIBLE:
+            guess = _weighed(leading, used, rivals, again) if used else Weighed(0.0, leading.known)
+            if guess.log_likelihood + instead + len(used) * right < best - PLAUSIBLE:
                 continue
             for rival, log, known in zip(rivals.members, logs, learnt, strict=True):
-                found = _weighed(rival, used, rivals, again) if used else Weighed(0.0, rival.known)
+                found = guess if rival is leading else _weighed(rival, used, rivals, again) if used else Weighed(0.0, rival.known)
                 log[left_out] = found.log_likelihood + instead + len(used) * right
                 known[left_out] = found.known
     doubted = with_doubt(rivals, [float(logsumexp(list(log.values()))) for log in logs])

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.special import logsumexp
 
 from motoremi.arrays import BoolArray, FloatArray, IntArray
@@ -39,6 +40,8 @@ STEPS, DAMPING = 25, 1e-3
 FARTHEST_RESPONSE = 6.0
 # Smallest gain of a step, and the same as a share of the cost: an explanation whose cost is thousands need not be refined.
 CONVERGED, CONVERGED_SHARE = 1e-2, 1e-4
+# Added to the diagonal of a scaled matrix: the arithmetic of nearly singular matrices.
+NEARLY_SINGULAR = 1e-13
 # Size of what no model describes, and shares of the unpredictable changes of elements and of effects.
 Scale: TypeAlias = tuple[float, float, float]
 
@@ -102,6 +105,11 @@ class Known:
     low: FloatArray
     high: FloatArray
 
+    @cached_property
+    def log_determinant(self) -> float:
+        """Of the precision."""
+        return float(np.linalg.slogdet(self.precision)[1])
+
     @classmethod
     def of(cls, fit: Fit) -> Known:
         """From a fit: directions that its sweeps leave open have a prior as wide as their range."""
@@ -146,12 +154,12 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
     sizes = sizes or UNDESCRIBED
     # First with the largest size, then with a typical one: with the latter alone, a resonance that moved by more than its width is not found.
     most, middle = max(sizes), min(sizes, key=lambda size: abs(np.log(size / MIDDLE)))
-    u, eta = known.centre, np.zeros(prediction.size)
+    here = _Point.of(prediction, known.centre, np.zeros(prediction.size))
     for blur in BLURS:
         white = _Whitening(prediction, blur)
         smooth = _Smooth.of(white(prediction.smooth))
-        best = _best_near(_System(prediction, known, u, eta, white, smooth), prediction, white, smooth, (most, 1.0, 1.0))
-        u, eta = best.u, best.eta
+        best = _best_near(_System(prediction, known, here, white, smooth), prediction, white, smooth, (most, 1.0, 1.0))
+        here = best.here
     best = _best_near(best, prediction, white, smooth, (middle, 1.0, 1.0))
     noise = prediction.density + white.log_density
     elements, effects = (UNPREDICTED if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
@@ -160,11 +168,11 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         for size, prior in sizes.items()
         for widths in product(elements, effects)
     }
-    likeliest = max(priors, key=lambda at: best.log_integral(at) + priors[at])
+    scales, log_priors = list(priors), np.array(list(priors.values()))
+    likeliest = scales[int(np.argmax(best.log_integrals(scales) + log_priors))]
     best = _best_near(best, prediction, white, smooth, likeliest)
-    logs = {at: noise + best.log_integral(at) + prior for at, prior in priors.items()}
-    likeliest = max(logs, key=lambda at: logs[at])
-    return Weighed(float(logsumexp(list(logs.values()))), best.learnt(likeliest))
+    logs = noise + best.log_integrals(scales) + log_priors
+    return Weighed(float(logsumexp(logs)), best.learnt(scales[int(np.argmax(logs))]))
 
 
 def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: _Smooth, at: Scale) -> _System:
@@ -176,7 +184,7 @@ def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth:
         # The linear model of the unknowns is valid near the fit only: unknowns on which the prediction hardly depends are not changed.
         u = np.where(prediction.moving, np.clip(known.centre + wanted[:k], known.low, known.high), known.centre)
         eta = np.clip(wanted[k:], -FARTHEST_RESPONSE, FARTHEST_RESPONSE)
-        trial = _System(prediction, known, u, eta, white, smooth)
+        trial = _System(prediction, known, _Point.of(prediction, u, eta), white, smooth)
         gained = cost - trial.cost(at)
         if gained > 0:
             # Right after a failure the damping is kept: with less, the next step would fail again.
@@ -209,21 +217,26 @@ def mixed(cases: Sequence[tuple[float, Weighed]]) -> Weighed:
 
 
 class _Whitening:
-    """Numbers relative to white noise, to which a blur may be added, and the analyser's smooth errors together."""
+    """Numbers relative to white noise, to which a blur may be added, and the analyser's smooth errors together.
+
+    The errors have few columns C, so the symmetric root of the inverse of I + C^T C leaves all but their directions V unchanged:
+    I - V (1 - 1/sqrt(1 + s^2)) V^T with the singular values s of C.
+    """
 
     def __init__(self, prediction: Prediction, blur: float = 0.0) -> None:
         self._weight = 1 / np.hypot(prediction.sigma, blur)
         columns = prediction.errors * self._weight
-        self._root = np.linalg.cholesky(np.eye(self._weight.size) + columns.T @ columns) if len(columns) else None
-        together = 0.0 if self._root is None else float(np.sum(np.log(np.diag(self._root))))
+        _, singular, self._directions = np.linalg.svd(columns, full_matrices=False)
+        self._less = 1 - 1 / np.hypot(1, singular)
+        together = float(np.sum(np.log(np.hypot(1, singular))))
         self.log_density = float(np.sum(np.log(self._weight))) - together - 0.5 * self._weight.size * float(np.log(2 * np.pi))
 
     def __call__(self, rows: FloatArray) -> FloatArray:
         """Rows, shape (m, n), with unit covariance."""
         weighted: FloatArray = rows * self._weight
-        if self._root is not None:
-            weighted = solve_triangular(self._root, weighted.T, lower=True, check_finite=False).T
-        return weighted
+        if not self._less.size:
+            return weighted
+        return weighted - ((weighted @ self._directions.T) * self._less) @ self._directions
 
 
 class _Smooth(NamedTuple):
@@ -237,21 +250,35 @@ class _Smooth(NamedTuple):
         return cls(rows, rows @ rows.T)
 
 
+class _Point(NamedTuple):
+    """Values of the unknowns, what is left of the data there, and the derivatives of the prediction."""
+
+    u: FloatArray
+    eta: FloatArray
+    left: FloatArray
+    slopes: FloatArray
+
+    @classmethod
+    def of(cls, prediction: Prediction, u: FloatArray, eta: FloatArray) -> _Point:
+        mean, by_u, by_eta = prediction.at(u, eta)
+        return cls(u, eta, prediction.residual(mean), np.concatenate([by_u, by_eta]))
+
+
 class _System:
     """The least-squares problem round one point: unknowns are u less its centre, eta, and coefficients of the smooth columns."""
 
-    def __init__(
-        self, prediction: Prediction, known: Known, u: FloatArray, eta: FloatArray, white: Callable[[FloatArray], FloatArray], smooth: _Smooth
-    ) -> None:
-        self.known, self.u, self.eta = known, u, eta
-        mean, by_u, by_eta = prediction.at(u, eta)
-        away = np.concatenate([u - known.centre, eta])
-        slopes = white(np.concatenate([by_u, by_eta]))
+    def __init__(self, prediction: Prediction, known: Known, here: _Point, white: Callable[[FloatArray], FloatArray], smooth: _Smooth) -> None:
+        self.known, self.here = known, here
+        away = np.concatenate([here.u - known.centre, here.eta])
+        slopes = white(here.slopes)
         # The prediction as if it were linear from the centre on.
-        self._left = white(prediction.residual(mean)[None])[0] + away @ slopes
+        self._left = white(here.left[None])[0] + away @ slopes
         self._own, self._undescribed = len(slopes), len(smooth.rows)
-        crossed = slopes @ smooth.rows.T
-        self._gram = np.block([[slopes @ slopes.T, crossed], [crossed.T, smooth.gram]])
+        self._gram = np.empty((self._own + self._undescribed,) * 2)
+        self._gram[: self._own, : self._own] = slopes @ slopes.T
+        self._gram[: self._own, self._own :] = crossed = slopes @ smooth.rows.T
+        self._gram[self._own :, : self._own] = crossed.T
+        self._gram[self._own :, self._own :] = smooth.gram
         self._pull = np.concatenate([slopes @ self._left, smooth.rows @ self._left])
         self._squares = float(self._left @ self._left)
         prior = np.eye(len(self._pull))
@@ -260,7 +287,7 @@ class _System:
         self._prior = prior
         self._k = k
         self._unpredicted = np.zeros(len(self._pull), dtype=np.intp)
-        self._unpredicted[k : k + eta.size] = prediction.unpredicted
+        self._unpredicted[k : k + here.eta.size] = prediction.unpredicted
         self._equations: dict[Scale, tuple[FloatArray, FloatArray]] = {}
         self._away = np.concatenate([away, np.zeros(len(smooth.rows))])
         # In these the prediction is looked at where they are, in all others it is linear.
@@ -284,7 +311,7 @@ class _System:
         matrix, pull = self._normal(at)
         scales = self._scales(at)
         held = np.where(self._moving, damping * np.diag(matrix), 0.0)
-        solution, _ = _solved(matrix + np.diag(held), pull + held * self._away / scales)
+        solution = _solved(matrix + np.diag(held), pull + held * self._away / scales)
         return (solution * scales)[: self._own]
 
     def cost(self, at: Scale) -> float:
@@ -297,17 +324,28 @@ class _System:
         taken = float(left @ np.linalg.solve(matrix[np.ix_(still, still)], left)) if left.size else 0.0
         return squares - taken
 
-    def log_integral(self, at: Scale) -> float:
-        """Log of likelihood times prior, integrated over all unknowns, less the noise's own term."""
-        matrix, pull = self._normal(at)
-        solution, logdet = _solved(matrix, pull)
-        least = self._squares - float(pull @ solution)
-        return -0.5 * least - 0.5 * (logdet - float(np.linalg.slogdet(self.known.precision)[1]))
+    def log_integrals(self, scales: Sequence[Scale]) -> FloatArray:
+        """Log of likelihood times prior, integrated over all unknowns, less the noise's own term; for each of the scales."""
+        units = np.array([self._scales(at) for at in scales])
+        matrix = self._gram * units[:, :, None] * units[:, None, :] + self._prior
+        inverse = 1 / np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
+        count = inverse.shape[1]
+        # One more row, the right-hand side, so that the root also has the solution's share of the misfit.
+        wider = np.empty((len(units), count + 1, count + 1))
+        wider[:, :count, :count] = matrix * inverse[:, :, None] * inverse[:, None, :] + NEARLY_SINGULAR * np.eye(count)
+        wider[:, count, :count] = wider[:, :count, count] = self._pull * units * inverse
+        wider[:, count, count] = 2 * self._squares + 1
+        root = np.linalg.cholesky(wider)
+        least = self._squares - np.sum(root[:, count, :count] ** 2, axis=1)
+        diagonal = np.diagonal(root, axis1=1, axis2=2)[:, :count]
+        logdet = 2 * np.sum(np.log(diagonal), axis=1) - 2 * np.sum(np.log(inverse), axis=1)
+        found: FloatArray = -0.5 * least - 0.5 * (logdet - self.known.log_determinant)
+        return found
 
     def learnt(self, at: Scale) -> Known:
         """What is then known of the model's own unknowns."""
         matrix, pull = self._normal(at)
-        solution, _ = _solved(matrix, pull)
+        solution = _solved(matrix, pull)
         k = self._k
         inner = matrix[k:, k:]
         precision = matrix[:k, :k] - matrix[:k, k:] @ np.linalg.solve(inner, matrix[k:, :k])
@@ -316,10 +354,11 @@ class _System:
         return Known(centre, 0.5 * (precision + precision.T), known.low, known.high)
 
 
-def _solved(matrix: FloatArray, right: FloatArray) -> tuple[FloatArray, float]:
-    """Solution of a positive definite system, and the logarithm of the determinant."""
+def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution of a positive definite system."""
     scale = 1 / np.sqrt(np.diag(matrix))
-    # The arithmetic of nearly singular matrices.
-    factor = cho_factor(matrix * scale * scale[:, None] + 1e-13 * np.eye(len(scale)), lower=True)
-    logdet = 2 * float(np.sum(np.log(np.diag(factor[0])))) - 2 * float(np.sum(np.log(scale)))
-    return scale * cho_solve(factor, scale * right), logdet
+    factor, failed = dpotrf(matrix * scale * scale[:, None] + NEARLY_SINGULAR * np.eye(len(scale)), lower=1)
+    if failed:
+        raise np.linalg.LinAlgError("the matrix of the normal equations is not positive definite")
+    solution: FloatArray = scale * dpotrs(factor, scale * right, lower=1)[0]
+    return solution
