@@ -15,6 +15,7 @@ import dataclasses
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -407,6 +408,8 @@ def _vector_fitted(task: _Task, unit: float, reference: float, pairs: int) -> Co
     from skrf.vectorFitting import VectorFitting
 
     network: Any = Network(f=task.s.imag * unit / (2 * np.pi), f_unit="Hz", s=task.reflection[:, None, None], z0=reference)
+    # Only for a warning, scikit-rf would find out whether the sweep is passive, which takes most of its time.
+    network.is_passive = lambda: False
     fitting: Any = VectorFitting(network)
     fitting.max_iterations = 12
     with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -462,8 +465,10 @@ def _polished(task: _Task, start: ComplexArray) -> tuple[ComplexArray, FloatArra
         narrowest = np.where(real, 0.0, NARROWEST * np.interp(height, task.s.imag, np.gradient(task.s.imag)))
         return -np.maximum(np.exp(u[: start.size]), narrowest) + 1j * height
 
-    def solved(u: FloatArray) -> tuple[ComplexArray, FloatArray, FloatArray, FloatArray]:
-        poles = poles_of(u)
+    # Residuals and slopes are asked for one after the other at the same point.
+    @lru_cache(maxsize=1)
+    def solved_at(point: bytes) -> tuple[ComplexArray, FloatArray, FloatArray, FloatArray]:
+        poles = poles_of(np.frombuffer(point))
         columns = np.column_stack([_columns(task.s, poles), np.ones_like(task.s)])
         white = task.whitened(columns)
         design = np.concatenate([white.real, white.imag])
@@ -471,6 +476,9 @@ def _polished(task: _Task, start: ComplexArray) -> tuple[ComplexArray, FloatArra
         q, r = np.linalg.qr(design / norms)
         coefficients = np.linalg.lstsq(r, q.T @ target, rcond=1e-12)[0] / norms
         return poles, coefficients, target - design @ coefficients, q
+
+    def solved(u: FloatArray) -> tuple[ComplexArray, FloatArray, FloatArray, FloatArray]:
+        return solved_at(u.tobytes())
 
     def residual(u: FloatArray) -> FloatArray:
         return solved(u)[2]
