@@ -6,7 +6,7 @@ from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from unittest import mock
 
-from motoremi.diagnosis import motor_board
+from motoremi.diagnosis import motor_board, whole_machine
 from motoremi.fitting.result import Fit
 
 # Some of each group, among them look-alikes.
@@ -14,13 +14,15 @@ FEW = frozenset({
     "skin-effect", "eddy-laminations", "core-loss", "dielectric-loss@Ca", "dielectric-loss@Cf", "insulation-leakage@Ca", "insulation-leakage@Cf",
     "lead-inductance", "terminal-capacitance", "ground-strap-inductance", "open-residual", "contact-resistance",
 })  # fmt: skip
+# Further laws that bend to almost any smooth curve.
+BENDING = frozenset({"permeability-relaxation", "dielectric-relaxation@Ca", "second-resonance", "field-coupling"})
 
 
 @contextmanager
 def seeking(names: Container[str] = FEW) -> Iterator[None]:
     """Search these effects only: a third of the time, or a fifth if pairs are searched. Priors are those of the whole catalogue.
 
-    What none of them describes is not described as a machine with modes either.
+    What none of them describes is not described as a machine with other parts or with modes either.
     """
     every = motor_board.possible_effects
 
@@ -29,6 +31,7 @@ def seeking(names: Container[str] = FEW) -> Iterator[None]:
 
     with (
         mock.patch.object(motor_board, "possible_effects", some),
+        mock.patch.object(whole_machine, "possible_effects", some),
         mock.patch("motoremi.diagnosis.diagnosis.machine_with_modes", return_value=None),
     ):
         yield

@@ -143,6 +143,7 @@ def test_a_killed_run_replays_to_the_last_exchange(tmp_path: Path, bench: Simula
     assert (result.same, result.ended) == (True, "killed")
 
 
+@pytest.mark.slow
 def test_a_run_killed_while_its_instrument_was_made_safe_replays(tmp_path: Path, bench: SimulatedBench) -> None:
     measured(tmp_path / "whole", small(), bench)
     records = (tmp_path / "whole" / "traffic.jsonl").read_bytes().splitlines(keepends=True)

@@ -163,8 +163,9 @@ def test_figures_of_a_scoreboard(tmp_path):
 @pytest.mark.slow
 def test_a_game_is_the_same_in_any_number_of_processes():
     told = []
-    alone = play_all(11, 2, 1, lambda *what: told.append(what))
-    together = play_all(11, 2, 2)
+    with seeking():
+        alone = play_all(11, 2, 1, lambda *what: told.append(what))
+        together = play_all(11, 2, 2)
     assert len(told) == 2
     for one, other in zip(alone, together, strict=True):
         assert (one.case, one.outcome) == (other.case, other.outcome)
@@ -188,6 +189,7 @@ def test_of_two_equal_curves_the_one_of_usual_size_comes_first():
     assert found.families == (("dielectric-relaxation@Cr", "bearing-film"),)
 
 
+@pytest.mark.slow
 def test_a_wrong_answer_says_whether_the_search_missed_the_hidden_model():
     hidden = ("lead-inductance",)
     base = fit(dc_motor(), Case(5, 0, "one", hidden, 5).sweeps())

@@ -89,6 +89,7 @@ def test_repeats_of_a_handheld_analyser_have_noise_of_their_own_and_errors_in_co
     assert np.array_equal(HandheldAnalyser(3, compensated=True).measure("short", frequency, true), first)
 
 
+@pytest.mark.slow
 def test_what_the_catalogue_does_not_hold_is_settled_if_it_is_stated_as_inseparable() -> None:
     def relaxation(outside: float, stop: str) -> Assessment:
         probabilities = {"dielectric-relaxation@Cf": 1 - outside, OUTSIDE_THE_CATALOGUE: outside}
@@ -101,6 +102,7 @@ def test_what_the_catalogue_does_not_hold_is_settled_if_it_is_stated_as_insepara
         assert not run.hit
 
 
+@pytest.mark.slow
 def test_a_family_counts_only_where_it_is_proven_inseparable() -> None:
     def family(stop: str) -> Assessment:
         answer = Answer("family", ("skin-effect",), (("skin-effect", "eddy-laminations"),), 0.9)

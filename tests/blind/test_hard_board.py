@@ -514,6 +514,7 @@ def test_a_case_is_played_as_a_user_would(monkeypatch):
     assert play_hard(case("few-points")).outcome == "crashed"
 
 
+@pytest.mark.slow
 def test_command(monkeypatch, tmp_path):
     stub(monkeypatch, {"verdict": "adequate", "effects": [], "families": [], "confidence": 0.9})
     run = CliRunner().invoke

@@ -170,8 +170,8 @@ def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
     assert any("no open sweep" in caveat for caveat in found["caveats"])
 
 
-# The time that all source effects take does not matter here, and the tutorial's seeks them all.
-@pytest.mark.usefixtures("few_source_effects")
+# All effects, of motor and source, are sought by the demos of the tutorial and of the installed wheel.
+@pytest.mark.usefixtures("few_effects", "few_source_effects")
 def test_demo_tells_the_whole_story(tmp_path):
     done = motoremi("demo", "--effect", "dielectric-loss@Cf", "--seed", "5", "--out", tmp_path / "d", "--json")
     assert done.returncode == 0, done.stderr
@@ -192,7 +192,7 @@ def test_demo_tells_the_whole_story(tmp_path):
         assert (tmp_path / "again" / "sweeps" / file.name).read_bytes() == file.read_bytes()
 
 
-@pytest.mark.usefixtures("few_source_effects")
+@pytest.mark.usefixtures("few_effects", "few_source_effects")
 def test_demo_without_a_hidden_effect_is_adequate(tmp_path):
     told = document(motoremi("demo", "--effect", "none", "--seed", "6", "--out", tmp_path / "d", "--json"))
     assert told["verdict"] == "adequate"

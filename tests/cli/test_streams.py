@@ -42,6 +42,7 @@ def command(folder: Path, *options: str, unbuffered: bool = False) -> list[str]:
     return [sys.executable, *(["-u"] if unbuffered else []), "-c", MAIN, *words]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unbuffered", [False, True])
 def test_a_run_goes_on_when_nobody_reads_its_output(tmp_path: Path, unbuffered: bool) -> None:
     reading, writing = os.pipe()
@@ -52,6 +53,7 @@ def test_a_run_goes_on_when_nobody_reads_its_output(tmp_path: Path, unbuffered: 
     assert (load(tmp_path / "s").status, len(load(tmp_path / "s").sweeps)) == ("done", 5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [(1,), (2,), (0, 1, 2)])
 @pytest.mark.parametrize("options", [(), ("--json",)])
 def test_a_run_needs_no_standard_streams(tmp_path: Path, closed: tuple[int, ...], options: tuple[str, ...]) -> None:

@@ -57,6 +57,7 @@ def notes(done: CompletedProcess[str]) -> list[str]:
     return [line for line in done.stdout.splitlines() if line.startswith("note: ")]
 
 
+@pytest.mark.slow
 def test_repeats_of_another_motor_are_told(tmp_path: Path) -> None:
     told = notes(appended(made(tmp_path), *written(tmp_path, "other", *both(ra=0.9, la=23e-6, ca=66e-12))))
     assert len(told) == 2
@@ -73,6 +74,7 @@ def test_so_is_another_unit(tmp_path: Path) -> None:
     assert "differs from the stored short sweeps by a factor of 1e+03 (median" in told
 
 
+@pytest.mark.slow
 def test_noise_and_a_motor_that_has_warmed_are_no_other_motor(tmp_path: Path) -> None:
     session = made(tmp_path)
     assert not notes(appended(session, *written(tmp_path, "again", *both())))
@@ -152,6 +154,7 @@ def megahertz(path: Path, sweep: ImpedanceSweep) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_rounded_frequencies_are_the_same(tmp_path: Path) -> None:
     session = made(tmp_path)
     assert not notes(appended(session, "--short", megahertz(tmp_path / "mhz.csv", winding("short"))))

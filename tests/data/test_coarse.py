@@ -65,6 +65,7 @@ def test_averages_keep_curve_weight_and_ranges(measurement):
             assert not set(bins[whole.frequency_hz <= step]) & set(bins[whole.frequency_hz > step])
 
 
+@pytest.mark.slow
 def test_points_that_stand_out_hardly_move_their_average(measurement):
     sweep, noise = measurement.sweeps[0], measurement.noise[0]
     outliers = np.zeros(sweep.frequency_hz.size, dtype=np.bool_)

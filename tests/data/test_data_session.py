@@ -500,6 +500,7 @@ for number in range(60):
 """
 
 
+@pytest.mark.slow
 def test_a_reader_sees_a_whole_session_while_another_program_adds_to_it(session: Path) -> None:
     """The page and the command line work on the same session: no reader takes an addition for damage."""
     with subprocess.Popen([sys.executable, "-c", ADDING, str(session)]) as writer:

@@ -32,6 +32,7 @@ def connected_anew(seed: int, count: int, termination: str = "short", white: flo
     return sweeps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_leads_that_moved_give_back_their_size_and_the_noise_beside_them(count):
     found = [at_average_leads(group_repeats(connected_anew(seed, count))[0]) for seed in range(12)]
@@ -46,6 +47,7 @@ def test_leads_that_moved_give_back_their_size_and_the_noise_beside_them(count):
     assert np.mean(white) == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_average_position_lies_within_its_interval_as_often_as_stated():
     inside = []
     s = 2j * np.pi * GRID_HZ
@@ -62,6 +64,7 @@ def test_the_average_position_lies_within_its_interval_as_often_as_stated():
     assert np.mean(inside) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(inside))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wander", [0.0, 3e-4])
 def test_other_noise_moves_no_leads(wander):
     found = [at_average_leads(group_repeats(repeats_of(seed, 3, 3e-4, wander))[0]).moved for seed in range(16)]
@@ -80,6 +83,7 @@ def test_one_sweep_stays_as_it_is():
 
 
 # Eight motors were tried, and all are answered like these two.
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "count"), [(25, 3), (45, 5)])
 def test_a_sound_motor_whose_leads_moved_is_adequate_and_told_so(seed, count):
     measurement = Measurement.of([*connected_anew(seed, count), *connected_anew(seed + 1, count, "open")], "4294a")

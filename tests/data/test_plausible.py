@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from command_line import motoremi
 from conftest import simulated_sweeps
+from few_effects import seeking
 from places import DATA
 
 import motoremi as me
@@ -73,7 +74,8 @@ def test_the_verdict_is_data(tmp_path: Path) -> None:
         )
     imported = motoremi("import", tmp_path / "s", "--short", tmp_path / "short.csv", "--open", tmp_path / "open.csv")
     assert imported.stdout.count("warning: |Z| rises where the phase is negative") == 2
-    done = motoremi("diagnose", tmp_path / "s")
+    with seeking():
+        done = motoremi("diagnose", tmp_path / "s")
     assert "Diagnosis: data" in done.stdout
     assert "has the wrong sign" in done.stdout
     assert "found, serious: wrong-phase (short sweep" in done.stdout

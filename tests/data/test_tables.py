@@ -46,6 +46,7 @@ def exported(tmp_path: Path) -> Path:
     return tmp_path / "all.csv"
 
 
+@pytest.mark.slow
 def test_an_exported_table_is_imported_again(tmp_path: Path, exported: Path) -> None:
     done = motoremi("import", tmp_path / "again", "--short", exported, "--open", exported, "--json")
     assert (done.returncode, done.stderr) == (0, "")

@@ -83,6 +83,7 @@ def test_sweeps_over_different_bands_are_compared_where_they_overlap():
     assert the_same_twice(Measurement.of([whole, again])) is not None
 
 
+@pytest.mark.slow
 def test_exchanged_sweeps_are_data_and_no_effect():
     renamed = {"short": "open", "open": "short"}
     sweeps = [measured(7, termination, renamed[termination], connection) for connection, termination in enumerate(("short", "open"))]

@@ -114,6 +114,7 @@ def test_a_repeat_with_the_right_bandwidth_replaces_one_that_reads_too_high():
     assert verdict([flat("peak", 60, resolution_bandwidth_hz=120e3), flat("peak", 30)]).verdict == "pass"
 
 
+@pytest.mark.slow
 def test_a_long_scan_that_crosses_the_limit_at_every_point_is_judged_quickly():
     axis = np.linspace(150e3, 30e6, 100_001)
     zigzag = Spectrum("peak", axis, np.where(np.arange(axis.size) % 2, 80.0, 20.0))

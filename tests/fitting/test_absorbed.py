@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import motoremi as me
 from motoremi.fitting.search import BEYOND_SIGMA, CLOSER
 
 
+@pytest.mark.slow
 def test_a_circuit_that_comes_close_alone_is_kept_where_the_analyser_would_err_far_beyond_its_specification() -> None:
     # A ferrite of two relaxations with one turn, and the directivity of a good calibration. A choke of one relaxation leaves 8 % of it; by the
     # likelihood its circuit erred by 71 %, with errors of the analyser of eight times its specification.

@@ -107,6 +107,7 @@ def test_a_fixture_of_a_long_lead_leaves_something_for_an_effect() -> None:
     assert "up to 14 times what a fixture of a few centimetres has" in why
 
 
+@pytest.mark.slow
 def test_a_network_analyser_switches_no_ranges_of_impedance() -> None:
     assert "range-step" not in possible_effects(base())
     assert "gain-error" in possible_effects(base())

@@ -25,6 +25,7 @@ def test_an_effect_is_fitted_to_the_open_sweep_alone(effect):
     assert [fit(dc_motor(), each).add(effect).marginal.nothing_left > 0.5 for each in sweeps] == [True] * MOTORS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "effect", "percent"), [(5, "core-loss", 22.5), (7, "proximity-effect", 11.0)])
 def test_an_open_circuit_sweep_alone_is_fitted_from_many_starts(seed: int, effect: str, percent: float) -> None:
     """Ants alone ended in minima of 27 and 12 %."""

@@ -12,6 +12,7 @@ FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
 ELEMENTS = {"Ra": 46.0, "La": 11.5e-6, "Ca": 20e-12, "Rr": 40.0, "Lr": 1.4e-6, "Cr": 420e-12, "Cf": 160e-12}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("left_h", [1.2e-9, -0.8e-9])
 def test_a_resonance_that_the_fixture_moves_is_found(left_h: float) -> None:
     drawn = SimulatedMotor.random(5, ["suppressor-capacitor@frame"]).effects[0]

@@ -32,6 +32,7 @@ def sweep(termination: str, motor: tuple[float, ...], seed: int) -> me.Impedance
     return me.ImpedanceSweep(termination, frequency_hz, impedance_ohm(frequency_hz, termination, motor) * noise)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motor", MOTORS, ids=["22 uH", "72 uH"])
 def test_the_path_to_the_frame_is_found(motor: tuple[float, ...]) -> None:
     sweeps = [sweep("short", motor, 1), sweep("open", motor, 2)]

@@ -82,6 +82,7 @@ def test_a_page_keeps_of_a_diagnosis_what_the_command_would_add(tmp_path, monkey
     assert session.prepared("suppressor-capacitor@frame").parameters == session.top.add("suppressor-capacitor@frame").parameters
 
 
+@pytest.mark.slow
 def test_a_fit_of_an_earlier_version_is_restored_without_what_its_laws_have_been_given_since():
     """Then a terminal capacitance had no loss, and was held at zero if the data excluded it."""
     sweeps, _ = simulated_sweeps(3, ("terminal-capacitance",), repeats=1)

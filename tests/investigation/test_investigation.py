@@ -208,6 +208,7 @@ def test_a_question_names_what_to_do_and_stops_with_a_reason() -> None:
     assert next_question(rivals_of({(): (base(), 0.0)}, 0.01), measurement).stop == "nothing-missing"
 
 
+@pytest.mark.slow
 def test_what_the_catalogue_does_not_hold_and_nothing_tells_apart_is_named_as_inseparable() -> None:
     relaxing = ("dielectric-relaxation@Cf",)
     alone = rivals_of({relaxing: (base(), 0.0)}, 0.01, imitated_share=0.4)
@@ -220,6 +221,7 @@ def test_what_the_catalogue_does_not_hold_and_nothing_tells_apart_is_named_as_in
         assert next_question(rivals_of({key: (base(), 0.0)}, 0.01, imitated_share=0.4), base().measurement).stop == "one-stands"
 
 
+@pytest.mark.slow
 def test_where_no_effect_describes_the_sweeps_no_other_condition_is_asked_for() -> None:
     found = base()
     question = next_question(rivals_of({("core-loss",): (found, 0.0)}, 0.9), found.measurement)
@@ -234,6 +236,7 @@ def test_where_no_effect_describes_the_sweeps_no_other_condition_is_asked_for() 
     assert next_question(rivals_of({("core-loss",): (behind, 0.0)}, 0.9), behind.measurement).stop is None
 
 
+@pytest.mark.slow
 def test_single_values_are_those_at_the_motor_without_its_cable() -> None:
     cable = {"supply-cable": {"wave_ohm": 100.0, "delay_s": 1e-8, "skin_ohm": 0.1, "tan_delta": 0.01}}
     found = fit(dc_motor(), sweeps(cable)).add("supply-cable")
@@ -370,6 +373,7 @@ def test_what_cannot_be_appended_is_one_line_and_leaves_the_session_as_it_was(
     assert (session / "session.jsonl").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_judgement_takes_over_what_was_learnt() -> None:
     from motoremi.diagnosis.candidates import Candidate
     from motoremi.diagnosis.judgement import Judgement

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 from paper_circuit import DAMPED
 
 import motoremi as me
@@ -28,6 +29,7 @@ def short(number: int, series_ohm: float = 0.0, series_h: float = 0.0, condition
     return me.ImpedanceSweep("short", FREQUENCY_HZ, read, metadata=told, condition=parse_condition(condition) if condition else None)
 
 
+@pytest.mark.slow
 def test_a_repeat_says_the_same_of_a_model_that_misses_a_resonance_by_half() -> None:
     reference, again = short(1), short(2, 5e-3, 0.5e-9, "sweep-downwards")
     measurement = Measurement.of([reference, again])

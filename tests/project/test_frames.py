@@ -65,6 +65,7 @@ def test_what_is_in_doubt_is_refused(change, says):
         me.ImpedanceSweep.from_frame("open", change(table))
 
 
+@pytest.mark.slow
 def test_a_comparison_is_a_row_for_each_sweep_and_band(fit):
     comparison = me.compare(fit)
     table = comparison.to_frame()

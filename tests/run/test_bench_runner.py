@@ -230,6 +230,7 @@ def test_a_full_disk_does_not_keep_an_instrument_from_its_safe_state(
     assert bench.devices["analyser"].value("level") == 0.005
 
 
+@pytest.mark.slow
 def test_an_analysis_that_fails_is_told(tmp_path: Path, procedure: Procedure, bench: SimulatedBench) -> None:
     def broken(kind: str, session: Any, parameters: JsonDict) -> JsonDict | None:
         raise BadInput("nothing to fit")

@@ -324,6 +324,7 @@ def test_the_line_is_switched_by_command_where_the_receiver_controls_the_lisn(tm
     assert other - one == pytest.approx(np.full(one.size, OTHER_LINE_DB), abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_line_switch_that_does_not_follow_ends_the_run_and_keeps_what_was_measured(tmp_path: Path) -> None:
     class Stuck(SimulatedBench):
         def place(self, role: str, name: str) -> None:

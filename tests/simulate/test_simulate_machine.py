@@ -94,6 +94,7 @@ RENAMED = {("insulation-leakage@Cf", "distributed-winding")}
 CONDUCTORS = {"lead-inductance", "ground-strap-inductance"}
 
 
+@pytest.mark.slow
 def test_the_network_of_each_pair_is_what_the_catalogue_says() -> None:
     compared = 0
     for pair in combinations([name for (name,) in ALONE], 2):
