@@ -275,7 +275,8 @@ class _Run:
         if (pending := self.history.pending) is not None:
             # Data that an earlier run stored before it was stopped are kept; the rest is requested again.
             rest = self.history.rest(MeasurementRequest.restored(pending["order"]))
-            asked = pending if rest is None else self._ask(rest, float(pending["minutes"]), str(pending["why"]))
+            before = pending.get("probabilities", assessment.probabilities)
+            asked = pending if rest is None else self._ask(rest, float(pending["minutes"]), str(pending["why"]), before)
             assessment = self._answered(asked, rest, assessment)
         while True:
             stop, question = self._question(assessment)
@@ -286,15 +287,17 @@ class _Run:
                 )
                 return found
             order = order_of(question, self.history.turn(name_of(question)))
-            assessment = self._answered(self._ask(order, float(question["minutes"]), str(question.get("why", ""))), order, assessment)
+            asked = self._ask(order, float(question["minutes"]), str(question.get("why", "")), assessment.probabilities)
+            assessment = self._answered(asked, order, assessment)
 
     def _by_files(self) -> list[JsonDict]:
         """Earlier steps, whose results were imported from files."""
         stored = load(self.store.path).analysis("investigation") or {}
         return [step for step in stored.get("steps", []) if "minutes" not in step]
 
-    def _ask(self, order: MeasurementRequest, minutes: float, why: str) -> JsonDict:
-        return self.store.emit("asked", id=order.id, minutes=minutes, why=why, order=order.to_dict())
+    def _ask(self, order: MeasurementRequest, minutes: float, why: str, probabilities: Mapping[str, float]) -> JsonDict:
+        # With the probabilities before it: a run that continues finds data of this request in the session already.
+        return self.store.emit("asked", id=order.id, minutes=minutes, why=why, order=order.to_dict(), probabilities=dict(probabilities))
 
     def _answered(self, asked: JsonDict, order: MeasurementRequest | None, before: Assessment) -> Assessment:
         """The assessment after the answer to a request; `order` is None if it was carried out before."""
@@ -316,7 +319,7 @@ class _Run:
             str(asked["id"]),
             self.bench.minutes(float(asked["minutes"])),
             after.probabilities,
-            taught_bits(before.probabilities, after.probabilities),
+            taught_bits(asked.get("probabilities", before.probabilities), after.probabilities),
             after.error_percent,
             str(asked["why"]),
             brought,

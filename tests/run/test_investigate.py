@@ -51,6 +51,8 @@ REPEATS: JsonDict = {
     "asks": {"kind": "sweep", "termination": "both", "condition": None, "value": None, "unit": None, "instruction": "measure once more"},
 }  # fmt: skip
 MENU = (WARM, COPPER, SHORTED)
+# The probabilities of the scripted assessment before any measurement.
+AT_FIRST = {"eddy-laminations": 0.5, "skin-effect": 0.5}
 
 
 def plain() -> Procedure:
@@ -202,6 +204,7 @@ def test_a_stopped_or_killed_investigation_goes_on_where_it_was_and_is_replayed_
     found, hands = gone_through(tmp_path / "s")
     assert found is not None
     assert [step.id for step in found.steps] == ["second-temperature", "dc-resistance", "fixture-short"]
+    assert found.steps[0].taught_bits == taught_bits(AT_FIRST, found.steps[0].probabilities) > 0.05
     session = load(tmp_path / "s")
     assert [sweep.termination for sweep in at(session, "second-temperature")] == ["short", "open"]
     assert (tmp_path / "s/sweeps/short-second-temperature-1.csv").read_bytes() == stored
@@ -223,6 +226,8 @@ def test_stopped_after_the_last_sweep_nothing_is_measured_twice(tmp_path: Path) 
     found, hands = gone_through(tmp_path / "s", menu=(WARM,))
     assert found is not None
     assert [step.id for step in found.steps] == ["second-temperature"]
+    # What it taught is told beside what was known when it was requested.
+    assert found.steps[0].taught_bits == taught_bits(AT_FIRST, found.steps[0].probabilities) > 0.05
     assert hands.told == []
 
 

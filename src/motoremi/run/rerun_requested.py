@@ -62,7 +62,7 @@ def _request_all(documents: Sequence[JsonDict], requests: RequestedMeasurements,
         if document["kind"] != "asked":
             continue
         request = MeasurementRequest.restored(document["order"])
-        writer.emit("asked", **{key: document[key] for key in ("id", "minutes", "why", "order")})
+        writer.emit("asked", **{key: document[key] for key in ("id", "minutes", "why", "order", "probabilities") if key in document})
         if not request.is_value:
             try:
                 requests.measure(request)
