@@ -21,8 +21,11 @@ WINDOW = 10
 # Share of the expected variance that the least of three windows has, because the denominator follows the noise where the curve does not
 # determine it (0.95), and because it is the least (0.7): medians of 200 simulated sweeps.
 KEPT = 0.67
-# Points of the running median.
-NEIGHBOURS = 31
+# Points of the running median, and the largest correction of the variance: more is the curve, not the noise.
+NEIGHBOURS, MOST_CORRECTED = 31, 9.0
+# Points whose residuals are larger than those of this share of windows with noise alone do not count for the law. The running median restores its
+# size, so only its shape depends on them.
+USED = 0.9
 # The law weights the windows, and the windows give the law: of 80 simulated sweeps with sharp resonances 90 % change by less than 5 % after
 # six rounds.
 ROUNDS = 6
@@ -51,7 +54,7 @@ def noise_by_scatter(frequency_hz: FloatArray, domain: Domain) -> FloatArray:
     size = np.where(size > 0, size, 1.0)
     equations = LocalEquations.of(frequency_hz, domain.rational[windows] / size, windows)
     freedom = KEPT * 2 * (width - COEFFICIENTS)
-    median, largest = chi2.median(freedom), chi2.ppf(0.999, freedom)
+    median, largest = chi2.median(freedom), chi2.ppf(USED, freedom)
 
     sigma = np.ones(count)
     for _ in range(ROUNDS):
@@ -60,7 +63,7 @@ def noise_by_scatter(frequency_hz: FloatArray, domain: Domain) -> FloatArray:
         sigma = np.sqrt(fitted_by_law(squares / freedom * sigma**2, domain.law, used))
     squares = _squares(equations, (sigma * domain.of_rational)[windows] / size)
     typical = median_filter(squares, size=min(NEIGHBOURS, count), mode="nearest") / median
-    sigma = np.maximum(sigma * np.sqrt(typical), SMALLEST_SIGMA)
+    sigma = np.maximum(sigma * np.sqrt(np.minimum(typical, MOST_CORRECTED)), SMALLEST_SIGMA)
     return np.minimum(sigma, MOST_OF_COARSE) if count < COARSE else sigma
 
 
