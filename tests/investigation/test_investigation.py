@@ -405,6 +405,23 @@ def test_a_value_whose_unit_has_a_wrong_prefix_decides_nothing() -> None:
     assert "prefix of its unit" in mistake.says
 
 
+def test_a_resistance_that_was_read_with_two_wires_decides_nothing_and_is_told() -> None:
+    found = update(rivals(), Measurement.of(sweeps({}), values=(parse_value("dc-resistance=12.8ohm+-10mohm"),)))
+    mistake = found.taught[0].mistakes[0]
+    assert "two wires" in mistake.says
+    assert mistake.used
+    assert found.outside < 0.2
+    # Less than the winding has: no leads explain it.
+    less = update(rivals(), Measurement.of(sweeps({}), values=(parse_value("dc-resistance=11.2ohm+-10mohm"),)))
+    assert not any("two wires" in one.says for one in less.taught[0].mistakes)
+
+
+def test_an_insulation_tester_across_the_winding_is_told() -> None:
+    found = update(rivals(), Measurement.of(sweeps({}), values=(parse_value("insulation-resistance=12ohm+-1ohm"),)))
+    assert "tester was connected across it" in found.taught[0].mistakes[0].says
+    assert found.by_label["nothing missing"] == pytest.approx(rivals().by_label["nothing missing"], abs=0.05)
+
+
 def test_no_measurement_refutes_an_effect_by_more_than_is_stated() -> None:
     from motoremi.investigation.rivals import DOUBT, with_doubt
 

@@ -432,6 +432,8 @@ class ValueOutcome:
 
     def __init__(self, fit: Fit, value: SingleValue) -> None:
         self.fit, self.value = fit, value
+        self._names = [p.name for p in fit.problem.everything]
+        self._tapes = {termination: Tape(fit.motor.circuit(termination), self._names) for termination in fit.measurement.terminations}
         relative = value.sigma / value.value_si
         self.sigma: FloatArray = np.array([float(np.hypot(relative, self._doubt()))])
         self.data: FloatArray = np.array([np.log(value.value_si)])
@@ -453,11 +455,13 @@ class ValueOutcome:
         """Whether the model has a path to the frame at DC."""
         if "open" not in self.fit.measurement.terminations:
             return False
-        return abs(self._impedance("open", DIRECT_CURRENT_HZ, dict(self.fit.parameters))) < 0.1 * HIGHEST_INSULATION_OHM
+        fitted = self.fit.problem.physical(self.fit.unknowns[None])
+        return bool(np.abs(self._impedance("open", DIRECT_CURRENT_HZ, fitted)[0]) < 0.1 * HIGHEST_INSULATION_OHM)
 
     @property
-    def _lead(self) -> str | None:
-        return next((p.name for p in self.fit.problem.unknowns if p.name == "lead-inductance.inductance_h"), None)
+    def _lead(self) -> int | None:
+        """Place of the lead among the parameters."""
+        return next((at for at, p in enumerate(self.fit.problem.everything) if p.name == "lead-inductance.inductance_h"), None)
 
     @property
     def known(self) -> bool:
@@ -471,37 +475,34 @@ class ValueOutcome:
 
     def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `Outcome.at`."""
-        mean = self._predicted(u)
-        slopes = np.zeros((u.size, 1))
-        for index in range(u.size):
-            step = u.copy()
-            step[index] += NUDGE
-            slopes[index] = (self._predicted(step) - mean) / NUDGE
-        return np.array([mean]), np.nan_to_num(slopes), np.zeros((1, 1))
+        mean, *nudged = self._predicted(np.concatenate([u[None], u + NUDGE * np.eye(u.size)]))
+        return np.array([mean]), np.nan_to_num((np.array(nudged) - mean) / NUDGE)[:, None], np.zeros((1, 1))
 
-    def _predicted(self, u: FloatArray) -> float:
-        values = self.fit.problem.named(u)
+    def _predicted(self, u: FloatArray) -> FloatArray:
+        """For unknowns of shape (m, k), shape (m,)."""
+        values = self.fit.problem.physical(u)
         name = self.value.name
         if name == "lead-length":
-            return float(np.log(values[self._lead] / LEAD_H_PER_M) if self._lead else np.log(USUAL_LEAD_M))
+            return np.full(len(u), np.log(USUAL_LEAD_M)) if self._lead is None else np.log(values[:, self._lead] / LEAD_H_PER_M)
         if name == "dc-resistance":
-            return float(np.log(max(self._impedance("short", DIRECT_CURRENT_HZ, values).real, 1e-12)))
+            return np.log(np.maximum(self._impedance("short", DIRECT_CURRENT_HZ, values).real, 1e-12))
         if name == "insulation-resistance":
-            resistance = abs(self._impedance("open", DIRECT_CURRENT_HZ, values))
-            return float(-np.log(1 / resistance + 1 / HIGHEST_INSULATION_OHM))
+            resistance = np.abs(self._impedance("open", DIRECT_CURRENT_HZ, values))
+            return -np.log(1 / resistance + 1 / HIGHEST_INSULATION_OHM)
         admittance = 1 / self._impedance("open", 1e3, values)
         if name == "capacitance-1khz":
-            return float(np.log(max(admittance.imag / (2 * np.pi * 1e3), 1e-18)))
-        return float(np.log(max(admittance.real / max(admittance.imag, 1e-18), 1e-9)))
+            return np.log(np.maximum(admittance.imag / (2 * np.pi * 1e3), 1e-18))
+        return np.log(np.maximum(admittance.real / np.maximum(admittance.imag, 1e-18), 1e-9))
 
-    def _impedance(self, termination: str, frequency_hz: float, values: dict[str, float]) -> complex:
-        """At the motor's terminals, without its cable."""
-        if CABLE in self.fit.effects:
-            values = {**values, **{f"{CABLE}.{name}": value for name, value in find_effect(CABLE).effect.limit_values.items()}}
-        names = list(self.fit.motor.used_parameters(termination))
+    def _impedance(self, termination: str, frequency_hz: float, values: FloatArray) -> ComplexArray:
+        """At the motor's terminals, without its cable, for values of shape (m, p), shape (m,)."""
         s: ComplexArray = np.array([2j * np.pi * frequency_hz])
+        values = values.copy()
+        if CABLE in self.fit.effects:
+            for name, value in find_effect(CABLE).effect.limit_values.items():
+                values[:, self._names.index(f"{CABLE}.{name}")] = value
         with np.errstate(all="ignore"):
-            return complex(Tape(self.fit.motor.circuit(termination), names).impedance(s, np.array([values[name] for name in names]))[0])
+            return self._tapes[termination].impedance(s, values)[:, 0]
 
 
 # Uncertainties of a single value beyond those of its meter, as logarithms: the motor's temperature (3 K of copper), a capacitance that a bridge

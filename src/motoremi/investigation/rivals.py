@@ -343,37 +343,74 @@ def _departing(sweeps: Sequence[Observed], nearest: Rival) -> list[float]:
 # Probability that a value was read wrongly, and that its unit has a wrong prefix, by these factors.
 SLIP = 0.02
 PREFIXES = (1e-6, 1e-3, 1e3, 1e6)
+# Test leads, whose resistance is in a reading with two wires: typical value, and its logarithm's standard deviation. An assumption; unconfirmed.
+TEST_LEADS_OHM, TEST_LEADS_SPREAD = 0.2, 0.7
+# The mistakes of a value in words.
+_READ_WRONGLY = "far from the prediction of every explanation"
+_WRONG_PREFIX = "the prefix of its unit is probably wrong"
+_TWO_WIRES = "it was probably measured with two wires, so that the resistance of the test leads is in it"
+_ACROSS_WINDING = "it is probably that of the winding: the tester was connected across it, not to the frame"
 
 
 def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
-    """The explanations after a value, which may have been read or written wrongly."""
+    """The explanations after a value, which may have been read or written wrongly, or measured at the wrong place."""
     setting = VALUES[value.name].setting
     slip = float(np.log(SLIP) - np.log(np.log(setting.high / setting.low)))
-    logs, known, read, prefixed = [], [], [], []
+    logs, known = [], []
+    weights: dict[str, list[float]] = {}
     for rival in rivals.members:
         prediction = ValueOutcome(rival.fit, value)
         if not prediction.known:
             return rivals
         widths = OUTSIDE_VALUE if rival.outside else AS_READ
         found = weigh(prediction, rival.known, widths)
-        own = found.log_likelihood + float(np.log(1 - 2 * SLIP))
         others = [weigh(ValueOutcome(rival.fit, _scaled(value, factor)), rival.known, widths).log_likelihood for factor in PREFIXES]
-        prefix = float(logsumexp(others) + np.log(SLIP / len(PREFIXES)))
-        logs.append(float(logsumexp([own, slip, prefix])))
-        known.append(found.known if own > slip else rival.known)
-        read.append(rival.log_weight + own)
-        prefixed.append(rival.log_weight + prefix)
-    total = float(logsumexp([rival.log_weight + log for rival, log in zip(rivals.members, logs, strict=True)]))
+        wrong = {
+            _READ_WRONGLY: slip,
+            _WRONG_PREFIX: float(logsumexp(others) + np.log(SLIP / len(PREFIXES))),
+            **_measured_wrongly(rival, value),
+        }
+        own = found.log_likelihood + float(np.log(1 - 2 * SLIP - (WRONG if len(wrong) > 2 else 0.0)))
+        logs.append(float(logsumexp([own, *wrong.values()])))
+        known.append(found.known if own > max(wrong.values()) else rival.known)
+        for why, log in {"": own, **wrong}.items():
+            weights.setdefault(why, []).append(rival.log_weight + log)
+    shares = {why: float(logsumexp(each)) for why, each in weights.items()}
     members = [
         dataclasses.replace(rival, log_weight=rival.log_weight + factor, known=own)
         for rival, factor, own in zip(rivals.members, with_doubt(rivals, logs), known, strict=True)
     ]
     noticed: tuple[Mistake, ...] = ()
-    if float(np.exp(logsumexp(read) - total)) < 0.5:
-        wrong_prefix = float(np.exp(logsumexp(prefixed) - total)) > 0.5
-        why = "the prefix of its unit is probably wrong" if wrong_prefix else "far from the prediction of every explanation"
+    as_read = shares.pop("")
+    if as_read < logsumexp(list(shares.values())):
+        why = max(shares, key=lambda one: shares[one])
         noticed = (Mistake(STRANGE_VALUE, f"{value}: {why}", slip, used=True),)
     return _with(rivals, members, value.text, noticed)
+
+
+def _measured_wrongly(rival: Rival, value: SingleValue) -> dict[str, float]:
+    """The mistake that is usual with a value, in words, with its log likelihood, prior included."""
+    if value.name == "dc-resistance":
+        return {_TWO_WIRES: _with_leads(rival, value) + float(np.log(WRONG))}
+    across = ValueOutcome(rival.fit, dataclasses.replace(value, name="dc-resistance"))
+    if value.name == "insulation-resistance" and across.known:
+        return {_ACROSS_WINDING: weigh(across, rival.known, AS_READ).log_likelihood + float(np.log(WRONG))}
+    return {}
+
+
+def _with_leads(rival: Rival, value: SingleValue) -> float:
+    """Log likelihood of the logarithm of a resistance that was read together with test leads."""
+    prediction = ValueOutcome(rival.fit, value)
+    mean, own, _ = prediction.at(rival.known.centre, np.zeros(prediction.size))
+    variance = float(prediction.sigma[0] ** 2 + own[:, 0] @ np.linalg.solve(rival.known.precision, own[:, 0]))
+    # The winding's resistance at equal steps of its normal distribution; the rest of the reading are the leads.
+    steps = np.linspace(-5, 5, 201)
+    share = np.exp(-0.5 * steps**2) / np.sum(np.exp(-0.5 * steps**2))
+    leads = value.value_si - np.exp(mean[0] + np.sqrt(variance) * steps)
+    there = leads > 0
+    away = np.log(leads[there] / TEST_LEADS_OHM) / TEST_LEADS_SPREAD
+    density = np.exp(-0.5 * away**2) / (np.sqrt(2 * np.pi) * TEST_LEADS_SPREAD * leads[there])
+    return float(np.log(max(value.value_si * float(share[there] @ density), 1e-300)))
 
 
 def _scaled(value: SingleValue, factor: float) -> SingleValue:
