@@ -24,7 +24,7 @@ from motoremi.workbench.desk import Desk
 from motoremi.workflow import opened
 from motoremi.workflow_emission import predict_session
 
-pytestmark = [needs_chromium, pytest.mark.slow, pytest.mark.usefixtures("few_effects")]
+pytestmark = [needs_chromium, pytest.mark.slow, pytest.mark.usefixtures("few_effects", "few_source_effects")]
 # What the page itself never makes.
 FOREIGN = "main :is(img, iframe, script, b, object, [onmouseover], [onerror], a[href^=javascript]), body > script"
 

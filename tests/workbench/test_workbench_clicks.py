@@ -20,7 +20,7 @@ from motoremi.interrupts import checkpoint
 from motoremi.workbench import desk
 from motoremi.workflow import Store, diagnose_session
 
-pytestmark = [needs_chromium, pytest.mark.slow, pytest.mark.usefixtures("few_effects")]
+pytestmark = [needs_chromium, pytest.mark.slow, pytest.mark.usefixtures("few_effects", "few_source_effects")]
 SWEEPS = simulated_sweeps(7, ("eddy-laminations",), repeats=2)[0]
 
 
