@@ -30,6 +30,9 @@ def parse(text: str | float | int, unit: str) -> float:
     if "," in str(text):
         # QuantiPhy would leave it out.
         raise BadInput(f"{str(text)!r} has a comma: write decimals with a point and thousands without a separator, for example '2.3 Ohm'")
+    if ":" in str(text) or "=" in str(text):
+        # QuantiPhy would take what is left of them for a name.
+        raise BadInput(f"{str(text)!r} is not one quantity in {unit}: write one number with its unit")
     try:
         # QuantiPhy reads "M" as mega and "m" as milli, as SI does; "Ohm" is the field's spelling of Ω.
         quantity = Quantity(str(text).replace("Ω", "Ohm").replace("ohm", "Ohm"))
@@ -43,6 +46,20 @@ def parse(text: str | float | int, unit: str) -> float:
     wanted = unit.replace("Ω", "Ohm").replace("ohm", "Ohm")
     if quantity.units and quantity.units != wanted:
         raise BadInput(f"{str(text)!r} has the unit {quantity.units!r}, expected {unit}")
+    return value
+
+
+def parse_with_unit(text: str, unit: str) -> float:
+    """Read a quantity that must not be a bare number, whose prefix would be in doubt; `unit` is empty for pure numbers.
+
+    Raises
+    ------
+    BadInput
+        As `parse`, and for a number without unit.
+    """
+    value = parse(text, unit)
+    if unit and re.search(r"[^\W\d_]\s*$", text) is None:
+        raise BadInput(f"{text.strip()!r} has no unit: add {unit}, with a prefix (p, n, u, m, k, M) where it has one")
     return value
 
 

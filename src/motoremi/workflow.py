@@ -131,17 +131,21 @@ class Refitted(NamedTuple):
     ----------
     released : dict
         Values that the fit before held, and that are fitted now, by name.
+    unbounded : dict
+        Bounds of elements in the fit before, in SI units, that apply no longer, by name.
     errors : tuple of (str, float, float)
         The steps of the ladder whose error changed: the model, and its error in percent before and after.
     """
 
     released: dict[str, float]
+    unbounded: dict[str, tuple[float, float]]
     errors: tuple[tuple[str, float, float], ...]
 
     def to_dict(self) -> JsonDict:
         """Plain data."""
         return {
             "released": self.released,
+            "unbounded": {name: list(pair) for name, pair in self.unbounded.items()},
             "ladder_changes": [{"model": model, "before_percent": before, "after_percent": after} for model, before, after in self.errors],
         }
 
@@ -154,7 +158,16 @@ def refitted(before: Session, after: Session) -> Refitted:
         error, now = float(old.get("rms_error_percent", np.nan)), float(new["rms_error_percent"])
         if old.get("effects") == new["effects"] and np.isfinite(error) and percent(error, 4) != percent(now, 4):
             errors.append((f"the circuit with {as_sum(new['effects'])}" if new["effects"] else "the paper's circuit", error, now))
-    return Refitted({name: value for name, value in before.held.items() if name in known and name not in after.held}, tuple(errors))
+    released = {name: value for name, value in before.held.items() if name in known and name not in after.held}
+    kept = _stated_bounds(after)
+    unbounded = {name: pair for name, pair in _stated_bounds(before).items() if name not in kept and name not in after.held}
+    return Refitted(released, unbounded, tuple(errors))
+
+
+def _stated_bounds(session: Session) -> dict[str, tuple[float, float]]:
+    """The bounds of elements in the session's fit of the paper's circuit, which only the user states."""
+    stored = session.ladder[0].get("fit", {}).get("bounds", {}) if session.ladder else {}
+    return {str(name): (float(low), float(high)) for name, (low, high) in stored.items()}
 
 
 def save_ladder(store: Store, steps: Sequence[Fit], kept: int = 0, held: Mapping[str, float] | None = None) -> None:

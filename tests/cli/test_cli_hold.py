@@ -84,3 +84,46 @@ def changed(file: Path) -> Path:
     other = file.with_name("again.csv")
     other.write_text("\n".join([head, *(",".join(map(repr, row)) for row in values.tolist())]) + "\n")
     return other
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (
+            ("--hold", "Cf=120pF:130pF"),
+            "--hold takes one value, not the range 'Cf=120pF:130pF': limits of a value that is fitted are given with --bound",
+        ),
+        (("--hold", "Cf=150pF:1"), "--hold takes one value"),
+        (("--hold", "Ra=2:3Ohm"), "--hold takes one value"),
+        (("--hold", "Cf=150"), "'150' has no unit: add F"),
+        (("--hold", "Cf=150F"), "the held value of Cf, 150 F, is outside of what motors have: 100 fF - 1 uF"),
+        (("--hold", "Cf=150pF=3pF"), "is not one quantity in F"),
+        (("--hold", "Cf=130pF", "--hold", "Cf=120pF"), "--hold is given twice for Cf"),
+        (("--bound", "La=1uH:2uH:3uH"), "cannot read the bound 'La=1uH:2uH:3uH'"),
+        (("--bound", "Cf=120:140"), "'120' has no unit: add F"),
+        (("--bound", "Cf=120F:140F"), "the bounds of Cf, 120 - 140 F, are outside of what motors have"),
+        (("--bound", "La=1uH:2uH", "--bound", "La=1uH:3uH"), "--bound is given twice for La"),
+        (("--hold", "La=2uH", "--bound", "La=1uH:3uH"), "La is held and has bounds: leave out one of them"),
+    ],
+)
+def test_a_value_or_bound_that_would_be_taken_for_another_is_refused(tmp_path, options, says):
+    session = imported(tmp_path)
+    refused = motoremi("fit", session, *options)
+    assert refused.returncode == 2
+    assert says in refused.stderr
+    assert len(refused.stderr.strip().splitlines()) == 1
+    assert load(session).ladder == []
+
+
+def test_what_is_no_longer_held_or_bounded_is_told_with_the_command_that_keeps_both(tmp_path):
+    session = imported(tmp_path)
+    motoremi("fit", session, "--hold", f"Ra={RA_OHM}Ohm")
+    bounded = motoremi("fit", session, "--bound", "La=1 uH:100 uH")
+    (told,) = (line for line in bounded.stdout.splitlines() if "no longer held" in line)
+    assert told.endswith(f"to hold all: motoremi fit {session} --hold Ra=2.4Ohm --bound La=1uH:100uH")
+    held = motoremi("fit", session, "--hold", f"Ra={RA_OHM}Ohm")
+    (told,) = (line for line in held.stdout.splitlines() if "no longer bounded" in line)
+    assert told.endswith(f"to bound all: motoremi fit {session} --hold Ra=2.4Ohm --bound La=1uH:100uH")
+    both = document(motoremi(*told.split("motoremi ")[1].split(), "--json"))
+    assert (both["held"], both["bounds"], both["released"], both["unbounded"]) == ({"Ra": RA_OHM}, {"La": [1e-6, 1e-4]}, {}, {})
+    assert document(motoremi("fit", session, "--json"))["unbounded"] == {"La": [1e-6, 1e-4]}

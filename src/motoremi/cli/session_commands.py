@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from motoremi.arrays import Value
 from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file, save_plot
 from motoremi.errors import BadInput
 from motoremi.report.kinds import PLOTS, SECTIONS
@@ -340,11 +341,11 @@ def fit_(
     from motoremi.quantities import error_bar, show
     from motoremi.workflow import fit_session, model_of, opened, refitted
 
-    bounds = dict(_bound(text) for text in bound or [])
+    bounds = _by_name("--bound", (_bound(text) for text in bound or []))
     with opened(path) as store:
         before = load(store.path)
         model = model_of(before)
-        held = dict(_held(text, model) for text in hold or [])
+        held = _by_name("--hold", (_held(text, model) for text in hold or []))
         result = fit_session(store, method, seed, bounds, held)
         changed = refitted(before, load(store.path))
     if as_json:
@@ -359,10 +360,13 @@ def fit_(
             say(f"  the data do not determine {name}: {result.interval(name)}")
     if result.undetermined():
         say(f"  measure next: {next_measurement(result)['why']}")
-    if changed.released:
-        holds = [_hold_option(name, value, model) for name, value in {**changed.released, **held}.items()]
-        names = ", ".join(changed.released)
-        say(f"note: no longer held, because --hold was not given again: {names}; to hold all: motoremi fit {quoted(path)} {' '.join(holds)}")
+    holds = {**changed.released, **held}
+    limits = {name: pair for name, pair in {**changed.unbounded, **bounds}.items() if name not in holds}
+    again = " ".join([*(_hold_option(name, holds[name], model) for name in holds), *(_bound_option(name, limits[name], model) for name in limits)])
+    for what, option, released in (("held", "hold", changed.released), ("bounded", "bound", changed.unbounded)):
+        if released:
+            names = ", ".join(released)
+            say(f"note: no longer {what}, because --{option} was not given again: {names}; to {option} all: motoremi fit {quoted(path)} {again}")
     if changed.errors:
         shown = "; ".join(f"error of {name} {show(old, '%')} -> {show(new, '%')}" for name, old, new in changed.errors)
         say(f"note: every step of the ladder was fitted again: {shown}")
@@ -371,37 +375,57 @@ def fit_(
 
 def _bound(text: str) -> tuple[str, tuple[float, float]]:
     from motoremi.model.motor import BASE_PARAMETERS
-    from motoremi.quantities import parse
+    from motoremi.quantities import parse_with_unit
 
-    name, equals, pair = text.partition("=")
-    low, colon, high = pair.partition(":")
+    name, equals, pair = (part.strip() for part in text.partition("="))
     units = {parameter.name: parameter.unit for parameter in BASE_PARAMETERS}
-    if not equals or not colon:
+    if not equals or pair.count(":") != 1:
         raise BadInput(f"cannot read the bound {text!r}: write for example 'La=1 uH:100 uH'")
     if name not in units:
         raise BadInput(f"bounds for the unknown parameter {name!r}; the circuit has {', '.join(units)}")
-    return name, (parse(low, units[name]), parse(high, units[name]))
+    low, high = pair.split(":")
+    return name, (parse_with_unit(low, units[name]), parse_with_unit(high, units[name]))
 
 
 def _held(text: str, model: Motor) -> tuple[str, float]:
-    from motoremi.quantities import parse
+    from motoremi.quantities import parse_with_unit
 
-    name, equals, value = text.partition("=")
+    name, equals, value = (part.strip() for part in text.partition("="))
     known = {parameter.name: parameter for parameter in model.parameters}
-    if not equals or not value.strip():
+    if not equals or not value:
         raise BadInput(f"cannot read {text!r} as a value to hold: write for example Ra=2.3Ohm")
+    if ":" in value:
+        raise BadInput(f"--hold takes one value, not the range {text!r}: limits of a value that is fitted are given with --bound")
     if name not in known:
         raise BadInput(f"cannot hold the unknown parameter {name!r}; the model has {', '.join(known)}")
-    return name, parse(value, known[name].unit)
+    return name, parse_with_unit(value, known[name].unit)
+
+
+def _by_name(option: str, pairs: Iterable[tuple[str, Value]]) -> dict[str, Value]:
+    """What an option that may be repeated gives, each name once."""
+    given: dict[str, Value] = {}
+    for name, value in pairs:
+        if name in given:
+            raise BadInput(f"{option} is given twice for {name}: keep one")
+        given[name] = value
+    return given
 
 
 def _hold_option(name: str, value: float, model: Motor) -> str:
-    """The option that holds a value, which is read back exactly."""
+    return f"--hold {name}={_exactly(value, name, model)}"
+
+
+def _bound_option(name: str, pair: tuple[float, float], model: Motor) -> str:
+    return f"--bound {name}={':'.join(_exactly(value, name, model) for value in pair)}"
+
+
+def _exactly(value: float, name: str, model: Motor) -> str:
+    """A value of a parameter with its unit, which is read back exactly."""
     from motoremi.quantities import parse, show
 
     unit = next(parameter.unit for parameter in model.parameters if parameter.name == name)
     text = show(value, unit, 12).replace(" ", "")
-    return f"--hold {name}={text if parse(text, unit) == value else f'{value!r}{unit}'}"
+    return text if parse(text, unit) == value else f"{value!r}{unit}"
 
 
 def compare_(

@@ -48,6 +48,7 @@ from motoremi.model.effects.start import with_start
 from motoremi.model.effects.validity import active_at
 from motoremi.model.motor import BASE_PARAMETERS, Motor, dc_motor
 from motoremi.model.parameter import Parameter
+from motoremi.quantities import show
 from motoremi.threads import one_blas_thread
 from motoremi.workers import Map
 
@@ -116,6 +117,7 @@ def fit(
     for p in motor.parameters:
         for value in limits.get(p.name, ()):
             _check_valid(p, value)
+    _check_possible(limits, fixed)
     base = dc_motor()
     paper_names = {p.name for p in BASE_PARAMETERS}
     base_bounds = {n: b for n, b in limits.items() if n in paper_names}
@@ -135,8 +137,8 @@ def checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, fl
     Raises
     ------
     BadInput
-        For an unknown parameter, a value that is not finite, one that is not above 0 where only such are possible, or one with which an
-        effect would give energy away.
+        For an unknown parameter, a value that is no finite number, one that is not above 0 where only such are possible, an element beyond what
+        motors have, or a value with which an effect would give energy away.
     """
     known = {p.name: p for p in motor.parameters}
     for name, value in (held or {}).items():
@@ -146,8 +148,26 @@ def checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, fl
             raise BadInput(f"held value of {name} is not a finite number")
         if known[name].scale == "log" and value <= 0:
             raise BadInput(f"the held value of {name} must be above 0 {known[name].unit}, got {value:g}")
+        if known[name] in BASE_PARAMETERS and not known[name].low <= value <= known[name].high:
+            raise BadInput(f"the held value of {name}, {value:g} {known[name].unit}, is outside of what motors have: {_range(known[name])}")
         _check_valid(known[name], value)
     return {name: float(value) for name, value in (held or {}).items()}
+
+
+def _check_possible(limits: Mapping[str, tuple[float, float]], held: Mapping[str, float]) -> None:
+    """Refuse bounds of an element that leave out all that a motor can have, and bounds of one that is held."""
+    for p in BASE_PARAMETERS:
+        if p.name not in limits:
+            continue
+        if p.name in held:
+            raise BadInput(f"{p.name} is held and has bounds: leave out one of them")
+        low, high = limits[p.name]
+        if high < p.low or low > p.high:
+            raise BadInput(f"the bounds of {p.name}, {low:g} - {high:g} {p.unit}, are outside of what motors have: {_range(p)}")
+
+
+def _range(parameter: Parameter) -> str:
+    return f"{show(parameter.low, parameter.unit)} - {show(parameter.high, parameter.unit)} ({parameter.reason})"
 
 
 def _check_valid(parameter: Parameter, value: float) -> None:
