@@ -47,6 +47,30 @@ def test_what_is_wrong_is_told(impedance_ohm: np.ndarray, spoilt: Callable[[np.n
     assert wrong_phase(FREQUENCY_HZ, spoilt(impedance_ohm * noise)) == found
 
 
+@pytest.mark.parametrize("degrees", [0.0, 1e-6, 0.5, -0.5])
+@pytest.mark.parametrize(
+    "impedance_ohm", [1 / (S * 1e-10), 3 + S * 1e-5, np.sqrt(S), motor_like()], ids=["capacitor", "coil", "skin effect", "motor"]
+)
+def test_a_magnitude_without_phase_is_told(impedance_ohm: np.ndarray, degrees: float) -> None:
+    """Whatever noise |Z| has, and if another constant was written instead of the phase."""
+    noise = np.exp(1e-2 * np.random.default_rng(8).standard_normal(201))
+    alone = np.abs(impedance_ohm) * noise * np.exp(1j * np.deg2rad(degrees))
+    # In a constant phase of a part whose slope is constant, radians that were called degrees are as likely.
+    assert wrong_phase(FREQUENCY_HZ, alone) in (("no phase",) if degrees == 0.0 else ("no phase", "radians"))
+    assert len(implausible(FREQUENCY_HZ, alone)) == 1
+
+
+@pytest.mark.parametrize("points", [9, 201, 20001])
+@pytest.mark.parametrize("span", [1.01, 200.0, 2.75e6])
+def test_a_noisy_resistor_is_not_told(points: int, span: float) -> None:
+    rng = np.random.default_rng(9)
+    for noise in (1e-4, 1e-2, 0.1):
+        relative = 1 + noise * (rng.standard_normal(points) + 1j * rng.standard_normal(points))
+        assert wrong_phase(np.geomspace(40, 40 * span, points), 50 * relative) is None
+        # With a phase of few digits, which are all 0.
+        assert wrong_phase(np.geomspace(40, 40 * span, points), 50 * np.abs(relative) + 0j) is None
+
+
 def test_noise_alone_is_not_told() -> None:
     rng = np.random.default_rng(6)
     assert wrong_phase(FREQUENCY_HZ, rng.standard_normal(201) + 1j * rng.standard_normal(201)) is None
@@ -57,6 +81,24 @@ def test_measured_parts_are_far_from_the_limits() -> None:
     for path in (DATA / "eth_4294A_inductor/impedance.txt", next(DATA.glob("motor*/*.csv"))):
         sweep = read_impedance(path, "short")
         assert phase_against_slope(sweep.frequency_hz, sweep.impedance_ohm).correlation > 0.8
+
+
+def test_a_file_without_phase_is_told(tmp_path: Path) -> None:
+    rows = [f"{f!r},{z!r},0.0" for f, z in zip(FREQUENCY_HZ.tolist(), np.abs(motor_like()).tolist(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["frequency_hz,impedance_ohm,phase_deg", *rows, ""]))
+    (warning,) = read_impedance(tmp_path / "a.csv", "short").metadata["warnings"]
+    assert "|Z| alone is not enough" in warning
+
+
+@pytest.mark.slow
+def test_the_verdict_on_magnitudes_is_data() -> None:
+    sweeps = [me.ImpedanceSweep(s.termination, s.frequency_hz, np.abs(s.impedance_ohm)) for s in simulated_sweeps(3)[0]]
+    with seeking():
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert found.verdict == "data"
+    (finding,) = (one for one in found.findings if one.id == "wrong-phase")
+    assert finding.serious
+    assert "|Z| alone is not enough" in finding.why
 
 
 @pytest.mark.parametrize("factor", [1e-9, 1e9])

@@ -334,6 +334,8 @@ def test_numbers_of_the_pages_on_evidence_are_those_of_the_code():
         (files, f"less than {100 * plausible.LEAST_PHASE:g} % of what the slope"),
         (details, f"correlated by less than {-plausible.ALIKE:g} "),
         (details, f"less than {100 * plausible.LEAST_PHASE:g} % of what the slope requires"),
+        (details, f"changes by more than {100 * plausible.LEAST_CHANGE:g} % (rms of its logarithm)"),
+        (details, f"{100 * plausible.LEAST_PHASE:g} % of these changes"),
         (details, f"twice and four times those of the specification is {100 * DECLARED[2.0]:g} % and {100 * DECLARED[4.0]:g} %"),
         (details, f"one of {math.sqrt(result.WORSE):.1f} standard deviations"),
         (details, f"more than {coarse.MOST_POINTS} points are reduced to about {coarse.COARSE_POINTS - 1} averages"),

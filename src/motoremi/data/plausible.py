@@ -13,7 +13,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.quantities import show
 
-WrongPhase: TypeAlias = Literal["wrong sign", "radians"]
+WrongPhase: TypeAlias = Literal["wrong sign", "radians", "no phase"]
 # Slopes are cut off at those of an L and a C: in a sharp resonance they are much larger, while the phase is not.
 STEEPEST = 1.0
 # Rms slope below which a sweep shows too little of a phase (a resistor).
@@ -22,6 +22,9 @@ LEAST_SLOPE = 0.3
 ALIKE = 0.5
 # Phase for each unit of slope, relative to 90 degrees: 0.2 to 1 in the same sweeps, 1/57 for radians that are called degrees.
 LEAST_PHASE = 0.05
+# Where |Z| changes, its phase in radians is about as large as the changes of ln|Z| (a coil over two decades: 1.57 and 1.53 rms), and noise gives both
+# the same size: a phase below `LEAST_PHASE` of them was not measured. |Z| that changes by less, rms of ln|Z|, may be that of a resistor.
+LEAST_CHANGE = 0.3
 # Re Z below this part of |Z| is no error of calibration, which turns a phase by a few degrees; a sweep says so if more than the second share of
 # its points has one, or if all are below 0.
 LEAST_RESISTANCE, OF_POINTS = -0.1, 0.01
@@ -40,40 +43,47 @@ class PhaseAgainstSlope(NamedTuple):
         Of phase and slope, over ln f.
     share : float
         Phase for each unit of slope, relative to 90 degrees.
+    change : float
+        Rms of ln|Z| about its mean.
+    phase : float
+        Rms of the phase, in radians.
     """
 
     slope: float
     correlation: float
     share: float
+    change: float
+    phase: float
 
 
 def phase_against_slope(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> PhaseAgainstSlope:
     """The figures of one sweep; shapes (n,), frequencies increasing, impedances not zero."""
-    place = np.log(frequency_hz)
-    slope = np.clip(np.gradient(np.log(np.abs(impedance_ohm)), place), -STEEPEST, STEEPEST)
+    place, size = np.log(frequency_hz), np.log(np.abs(impedance_ohm))
+    slope = np.clip(np.gradient(size, place), -STEEPEST, STEEPEST)
     phase = np.angle(impedance_ohm) / (np.pi / 2)
-    weight = np.gradient(place)
+    weight = np.gradient(place) / np.gradient(place).sum()
     both, of_slope, of_phase = (float(weight @ product) for product in (slope * phase, slope**2, phase**2))
+    change = float(np.sqrt(weight @ (size - weight @ size) ** 2))
     together = float(np.sqrt(of_slope) * np.sqrt(of_phase))
-    if not together > 0:
-        return PhaseAgainstSlope(0.0, 0.0, 0.0)
-    return PhaseAgainstSlope(float(np.sqrt(of_slope / weight.sum())), both / together, both / of_slope)
+    correlation, share = (both / together, both / of_slope) if together > 0 else (0.0, 0.0)
+    return PhaseAgainstSlope(float(np.sqrt(of_slope)), correlation, share, change, float(np.sqrt(of_phase) * np.pi / 2))
 
 
 def wrong_phase(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> WrongPhase | None:
     """What is wrong with the phase of a sweep; None for a possible one, and where |Z| hardly changes."""
     found = phase_against_slope(frequency_hz, impedance_ohm)
-    if found.slope < LEAST_SLOPE:
-        return None
-    if found.correlation < -ALIKE:
-        return "wrong sign"
-    return "radians" if found.correlation > ALIKE and found.share < LEAST_PHASE else None
+    if found.slope >= LEAST_SLOPE and found.correlation > ALIKE and found.share < LEAST_PHASE:
+        return "radians"
+    if found.change >= LEAST_CHANGE and found.phase < LEAST_PHASE * found.change:
+        return "no phase"
+    return "wrong sign" if found.slope >= LEAST_SLOPE and found.correlation < -ALIKE else None
 
 
 SENTENCES: dict[WrongPhase, str] = {
     "wrong sign": "|Z| rises where the phase is negative and falls where it is positive, which no passive part does: the reactance or the phase "
     "has the wrong sign",
     "radians": "the phase is a small part of what the slope of |Z| requires of a passive part: is it in radians, and called degrees?",
+    "no phase": "|Z| changes as that of no resistor, but its phase is zero or next to it: |Z| alone is not enough, measure R and X, or |Z| and phase",
 }
 
 
