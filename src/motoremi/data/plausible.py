@@ -22,8 +22,8 @@ LEAST_SLOPE = 0.3
 ALIKE = 0.5
 # Phase for each unit of slope, relative to 90 degrees: 0.2 to 1 in the same sweeps, 1/57 for radians that are called degrees.
 LEAST_PHASE = 0.05
-# Where |Z| changes, its phase in radians is about as large as the changes of ln|Z| (a coil over two decades: 1.57 and 1.53 rms), and noise gives both
-# the same size: a phase below `LEAST_PHASE` of them was not measured. |Z| that changes by less, rms of ln|Z|, may be that of a resistor.
+# Where |Z| changes, its phase in radians is about as large as the changes of ln|Z| (of a coil over two decades 1.57 and 1.53 rms), and noise makes
+# both alike: a phase below `LEAST_PHASE` of them was not measured. |Z| that changes by less than this, rms of ln|Z|, may be that of a resistor.
 LEAST_CHANGE = 0.3
 # Re Z below this part of |Z| is no error of calibration, which turns a phase by a few degrees; a sweep says so if more than the second share of
 # its points has one, or if all are below 0.
@@ -83,7 +83,7 @@ SENTENCES: dict[WrongPhase, str] = {
     "wrong sign": "|Z| rises where the phase is negative and falls where it is positive, which no passive part does: the reactance or the phase "
     "has the wrong sign",
     "radians": "the phase is a small part of what the slope of |Z| requires of a passive part: is it in radians, and called degrees?",
-    "no phase": "|Z| changes as that of no resistor, but its phase is zero or next to it: |Z| alone is not enough, measure R and X, or |Z| and phase",
+    "no phase": "|Z| changes as that of no resistor, but its phase is (almost) zero: |Z| alone is not enough, measure R and X, or phase too",
 }
 
 
