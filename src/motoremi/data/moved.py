@@ -11,7 +11,7 @@ import dataclasses
 from functools import lru_cache
 
 import numpy as np
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.noise import ByContent, Noise, noise_anew, noise_of, repeats_log_likelihood
@@ -73,7 +73,7 @@ def student_factor(differences: int) -> float:
 
     Source: Guide to the expression of uncertainty in measurement (JCGM 100:2008), G.3.
     """
-    return float(t.isf(0.025, differences) / 1.96)
+    return float(-stdtrit(differences, 0.025) / 1.96)
 
 
 def _moved(sweep: RepeatedSweep, noise: Noise, combine: FloatArray) -> tuple[FloatArray, FloatArray]:

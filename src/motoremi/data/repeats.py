@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.stats import f
+from scipy.special import fdtri
 
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.directions import directions
@@ -98,7 +98,7 @@ def _in_order(scaled: ComplexArray, shape: FloatArray) -> bool:
     vectors, variances = directions(shape)
     first, *others = variances @ np.abs(vectors.T @ scaled.T) ** 2 - 2 * variances.sum()
     by_noise = 2 * float(np.sqrt(np.sum(variances**2) / len(others)))
-    return bool(first > f.isf(BY_CHANCE, 1, len(others)) * max(np.mean(others), by_noise))
+    return bool(first > fdtri(1, len(others), 1 - BY_CHANCE) * max(np.mean(others), by_noise))
 
 
 def drift_of(frequency_hz: FloatArray, sigma: FloatArray, correlated: float, free: ComplexArray) -> ComplexArray | None:

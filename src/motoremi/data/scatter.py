@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from motoremi.arrays import FloatArray
 from motoremi.data.local_rational import COEFFICIENTS, LocalEquations
@@ -54,7 +54,8 @@ def noise_by_scatter(frequency_hz: FloatArray, domain: Domain) -> FloatArray:
     size = np.where(size > 0, size, 1.0)
     equations = LocalEquations.of(frequency_hz, domain.rational[windows] / size, windows)
     freedom = KEPT * 2 * (width - COEFFICIENTS)
-    median, largest = chi2.median(freedom), chi2.ppf(USED, freedom)
+    # Quantiles of chi-squared.
+    median, largest = (2 * gammaincinv(freedom / 2, share) for share in (0.5, USED))
 
     sigma = np.ones(count)
     for _ in range(ROUNDS):
