@@ -65,6 +65,18 @@ def test_each_policy_goes_its_own_way_to_the_same_end() -> None:
 
 
 @pytest.mark.slow
+def test_no_policy_repeats_both_sweeps_for_ever() -> None:
+    """Repeats stay on the menu after they were made; a policy with an order of its own goes on to the next measurement."""
+    repeats = Offer(Asked("repeats"), 4.0, 0.0)
+    runs = play(
+        sealed(), lambda evidence: dataclasses.replace(judge(evidence), offers=(*judge(evidence).offers, repeats)), ("frozen expert", "random")
+    )
+    assert runs[0].run.steps == ("repeats", "dc-resistance", "known-capacitor", "dc-bias", DECIDES)
+    assert runs[1].run.steps.count("repeats") <= 1
+    assert all(one.settled for one in runs)
+
+
+@pytest.mark.slow
 def test_what_one_policy_measured_is_judged_once() -> None:
     count = 0
 

@@ -214,9 +214,12 @@ def _run(case: Sealed, policy: str, assessed: Callable[[_Done, Mapping[str, Offe
         seconds.append(now.seconds)
         searches.append(now.search_seconds)
         noticed.update(now.mistaken)
-        left = [offer for offer in now.offers if minutes + offer.minutes <= BUDGET_MINUTES]
+        # Repeats are always possible. No policy makes the same twice, unless this software requests it again.
+        again = {name for name, _ in done} - {offer.id for offer in now.offers[:1]}
+        offers = [offer for offer in now.offers if offer.id not in again]
+        left = [offer for offer in offers if minutes + offer.minutes <= BUDGET_MINUTES]
         if now.stop or not left or len(done) >= MOST_STEPS:
-            stop = now.stop or ("budget" if now.offers else "nothing-left")
+            stop = now.stop or ("budget" if offers else "nothing-left")
             break
         offer = _chosen(policy, now, left, look, case, rng)
         done = with_it(offer)

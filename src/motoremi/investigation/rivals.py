@@ -28,6 +28,7 @@ from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.responses import NONE_AT_ALL
 from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, mixed, weigh
 from motoremi.model.effects import find_effect
+from motoremi.quantities import show
 from motoremi.threads import one_blas_thread
 
 Key = tuple[str, ...]
@@ -384,7 +385,7 @@ def _after_value(rivals: Rivals, value: SingleValue) -> Rivals:
     as_read = shares.pop("")
     if as_read < logsumexp(list(shares.values())):
         why = max(shares, key=lambda one: shares[one])
-        noticed = (Mistake(STRANGE_VALUE, f"{value}: {why}", slip, used=True),)
+        noticed = (Mistake(STRANGE_VALUE, f"{value.name} of {show(value.value_si, value.unit)}: {why}", slip, used=True),)
     return _with(rivals, members, value.text, noticed)
 
 
