@@ -277,7 +277,8 @@ def _fitted(law: DispersiveLaw, frequency_hz: FloatArray, value: ComplexArray, s
     def residual(u: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):
             left = (law.shape(s, *np.exp(np.clip(u, -200, 200))) - value) * weight
-        return np.nan_to_num(np.concatenate([left.real, left.imag]), nan=1e8, posinf=1e8, neginf=-1e8)
+        parts = np.concatenate([left.real, left.imag])
+        return parts if np.isfinite(parts).all() else np.nan_to_num(parts, nan=1e8, posinf=1e8, neginf=-1e8)
 
     low, high = _limits(law, frequency_hz)
     best: Any = None
