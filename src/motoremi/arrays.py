@@ -20,6 +20,16 @@ Key = TypeVar("Key")
 Value = TypeVar("Value")
 
 
+class ReadOnlyArrays:
+    """A result whose own arrays stay read-only in its copies and in other processes, where numpy makes them writable."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        self.__dict__.update(state)
+
+
 class FrozenDict(dict[Key, Value]):
     """A dictionary of a result, which cannot be changed.
 

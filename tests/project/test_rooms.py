@@ -14,7 +14,7 @@ from places import ROOT
 
 PACKAGE = ROOT / "src" / "motoremi"
 # Modules directly below `motoremi` that every room may use.
-PLAIN = {"arrays", "drawing", "errors", "interrupts", "progress", "quantities", "threads", "workers"}
+PLAIN = {"arrays", "drawing", "errors", "given", "interrupts", "progress", "quantities", "threads", "workers"}
 # What each room may import; what it may import stands above it. `workflow` are all modules of that name.
 MAY_IMPORT: dict[str, set[str]] = {
     "data": set(),

@@ -15,7 +15,7 @@ from motoremi.data.analyser_csv import is_analyser_csv, plain_table
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble, with_units
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
-from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of
+from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, in_rising_order
 from motoremi.data.keysight_trace import is_keysight_trace, parse_keysight_trace
 from motoremi.data.numbers import look_grouped
 from motoremi.data.other_programs import table_of_other_program
@@ -23,7 +23,7 @@ from motoremi.data.plausible import implausible, negative_resistance
 from motoremi.data.quantity import REFLECTION
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
-from motoremi.data.rows import Band, Rows, in_rising_order, reflection_warnings, refuse_between_ports, rising_frequency, used_rows
+from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, rising_frequency, used_rows
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.spectrum_header import kept_header, spectrum_header
 from motoremi.data.spectrum_table import SPECTRUM_EXAMPLE, spectra_of_table
@@ -33,6 +33,7 @@ from motoremi.data.text_file import WrongKind, decode, file_name, of_file, read_
 from motoremi.data.tinysa_csv import is_two_columns, parse_tinysa
 from motoremi.data.touchstone import is_touchstone, parse_touchstone
 from motoremi.errors import BadInput
+from motoremi.given import refuse_other
 from motoremi.quantities import show_band
 
 
@@ -308,6 +309,7 @@ def parse_spectrum_csv(text: str, name: str) -> Spectrum:
 
 
 def _read_text(path: str | os.PathLike[str]) -> tuple[str, str]:
+    refuse_other(path, (str, os.PathLike), "a file is read from its path")
     name = show_name(path)
     return name, decode(read_bytes(path), name)
 

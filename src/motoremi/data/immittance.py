@@ -227,3 +227,11 @@ def _last_places(table: Table, column: Column) -> FloatArray:
 def column_values(table: Table, column: Column) -> FloatArray:
     """A column in its SI unit."""
     return np.array(table.numbers(column.index), dtype=np.float64) * column.factor
+
+
+def in_rising_order(table: Table, column: Column) -> tuple[Table, tuple[str, ...]]:
+    """The table with its rows turned round if every frequency is lower than the one before it, and that this was done in words."""
+    frequency = column_values(table, column)
+    if frequency.size < 2 or not np.all(np.diff(frequency) < 0):
+        return table, ()
+    return table.only(range(frequency.size)[::-1]), ("measured from high to low frequencies: rows turned round",)

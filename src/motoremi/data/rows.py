@@ -98,14 +98,6 @@ def refuse_between_ports(header: Mapping[str, Any], name: str) -> None:
         raise BadInput(f"{name}: its header says fixture {written}, but it holds the reflection at one port; save S21 (.s2p), or remove that line")
 
 
-def in_rising_order(table: Table, column: Column) -> tuple[Table, tuple[str, ...]]:
-    """The table with its rows turned round if every frequency is lower than the one before it, and that this was done in words."""
-    frequency = column_values(table, column)
-    if frequency.size < 2 or not np.all(np.diff(frequency) < 0):
-        return table, ()
-    return table.only(range(frequency.size)[::-1]), ("measured from high to low frequencies: rows turned round",)
-
-
 def rising_frequency(table: Table, column: Column) -> FloatArray:
     """The frequencies of a table in hertz; the first row of a lower one than before it is refused with its line."""
     frequency = column_values(table, column)

@@ -31,6 +31,7 @@ from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.data.verify import verify, vouched_sha256
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
+from motoremi.given import refuse_other
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -211,6 +212,7 @@ def load(path: str | os.PathLike[str]) -> Session:
     BadInput
         If it is not a session, or a file was changed after it was stored.
     """
+    refuse_other(path, (str, os.PathLike), "load needs the path of a session folder")
     folder = Path(path)
     name = show_name(folder)
     if not os.path.isdir(folder):

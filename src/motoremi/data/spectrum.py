@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from motoremi.arrays import BoolArray, FloatArray, JsonDict
+from motoremi.arrays import BoolArray, FloatArray, JsonDict, ReadOnlyArrays
 from motoremi.data.sweep import checked_frequency
 from motoremi.data.text import clean_text
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
+from motoremi.given import frozen_metadata, real_number, real_numbers
 from motoremi.quantities import show, show_band
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def known_condition(written: object) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class Spectrum(ReadOnlyArrays):
     """Level against frequency for one detector.
 
     Parameters
@@ -77,7 +78,7 @@ class Spectrum:
     Raises
     ------
     BadInput
-        For an unknown detector, arrays that do not match, NaN, or levels that cannot be dBuV.
+        For an unknown detector, arrays that do not match, masked points, NaN, or levels that cannot be dBuV.
     """
 
     detector: Detector
@@ -99,14 +100,15 @@ class Spectrum:
         if detector not in DETECTORS:
             raise BadInput(f"unknown detector {detector!r}: use one of {', '.join(DETECTORS)}")
         frequency = checked_frequency(frequency_hz, f"{detector} spectrum", 2)
-        level = np.array(level_dbuv, dtype=np.float64)
+        level = real_numbers(level_dbuv, f"{detector} spectrum: the levels")
         if level.shape != frequency.shape:
             raise BadInput(f"{detector} spectrum: {frequency.size} frequencies but {level.size} levels")
         if not np.all(np.isfinite(level)):
             raise BadInput(f"{detector} spectrum: a level is not a finite number")
         if np.any(np.abs(level) > 250):
             raise BadInput(f"{detector} spectrum: levels beyond ±250 are not dBuV; convert them first")
-        if not resolution_bandwidth_hz > 0:
+        bandwidth_hz = real_number(resolution_bandwidth_hz, f"{detector} spectrum: the resolution bandwidth")
+        if not bandwidth_hz > 0:
             raise BadInput(f"{detector} spectrum: the resolution bandwidth must be above 0 Hz")
         marked = np.zeros(frequency.shape, dtype=np.bool_) if overload is None else np.array(overload, dtype=np.bool_)
         if marked.shape != frequency.shape:
@@ -117,9 +119,9 @@ class Spectrum:
             ("detector", detector),
             ("frequency_hz", frequency),
             ("level_dbuv", level),
-            ("resolution_bandwidth_hz", float(resolution_bandwidth_hz)),
+            ("resolution_bandwidth_hz", bandwidth_hz),
             ("overload", marked),
-            ("metadata", dict(metadata or {})),
+            ("metadata", frozen_metadata(metadata, f"{detector} spectrum")),
         ):
             object.__setattr__(self, name, value)
 

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray, JsonDict, ReadOnlyArrays
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.frame import impedance_in
 from motoremi.data.text import clean_text
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
+from motoremi.given import complex_numbers, frozen_metadata, real_number, real_numbers, refuse_other
 from motoremi.quantities import parse, percent, show, show_band
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ SAME_FREQUENCY, OF_SPACING = 1e-5, 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class ImpedanceSweep:
+class ImpedanceSweep(ReadOnlyArrays):
     """Complex impedance against frequency at one termination of the motor.
 
     Parameters
@@ -47,7 +48,7 @@ class ImpedanceSweep:
     impedance_ohm : array_like, shape (n,)
         Complex, in ohm.
     sigma_relative : array_like, optional
-        Standard deviation of the real and of the imaginary part of the relative noise, per point or one for all.
+        Standard deviation of the real and of the imaginary part of the relative noise, per point or one for all: 0.01 is 1 %.
     metadata : mapping, optional
         Origin of the data: file, instrument, settings.
     condition : Condition or str, optional
@@ -57,7 +58,7 @@ class ImpedanceSweep:
     Raises
     ------
     BadInput
-        For an unknown termination or condition, arrays that do not match, NaN, unsorted or repeated frequencies, or too few points.
+        For an unknown termination or condition, arrays that do not match, masked points, NaN, unsorted or repeated frequencies, or too few points.
     """
 
     termination: Termination
@@ -79,7 +80,7 @@ class ImpedanceSweep:
         if termination not in TERMINATIONS:
             raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
         frequency = checked_frequency(frequency_hz, f"{termination} sweep", MINIMUM_POINTS)
-        impedance = np.array(impedance_ohm, dtype=np.complex128)
+        impedance = complex_numbers(impedance_ohm, f"{termination} sweep: the impedances")
         if impedance.shape != frequency.shape:
             raise BadInput(f"{termination} sweep: {frequency.size} frequencies but {impedance.size} impedances")
         if not np.all(np.isfinite(impedance)):
@@ -89,9 +90,16 @@ class ImpedanceSweep:
             raise BadInput(f"{termination} sweep: an impedance of 0 or above 1e15 Ohm marks a point that was not measured")
         sigma = None
         if sigma_relative is not None:
-            sigma = np.broadcast_to(np.asarray(sigma_relative, dtype=np.float64), frequency.shape).copy()
+            sigma = real_numbers(sigma_relative, f"{termination} sweep: the values of sigma_relative")
+            if sigma.shape not in ((), (1,), frequency.shape):
+                raise BadInput(f"{termination} sweep: {sigma.size} values of sigma_relative for {frequency.size} points: give one, or one for each")
             if not np.all(np.isfinite(sigma)) or np.any(sigma <= 0):
                 raise BadInput(f"{termination} sweep: sigma_relative must be finite and above 0")
+            if np.any(sigma > 1):
+                raise BadInput(f"{termination} sweep: sigma_relative of {sigma.max():g} is more than |Z| itself: it is a fraction, 0.01 for 1 %")
+            sigma = np.broadcast_to(sigma, frequency.shape).copy()
+        if condition is not None:
+            refuse_other(condition, (str, Condition), f"{termination} sweep: a condition is a text such as 'second-temperature=53degC'")
         for array in (frequency, impedance, sigma):
             if array is not None:
                 array.flags.writeable = False
@@ -100,7 +108,7 @@ class ImpedanceSweep:
             ("frequency_hz", frequency),
             ("impedance_ohm", impedance),
             ("sigma_relative", sigma),
-            ("metadata", dict(metadata or {})),
+            ("metadata", frozen_metadata(metadata, f"{termination} sweep")),
             ("condition", parse_condition(condition) if isinstance(condition, str) else condition),
         ):
             object.__setattr__(self, name, value)
@@ -143,8 +151,9 @@ class ImpedanceSweep:
         Raises
         ------
         BadInput
-            If fewer than `MINIMUM_POINTS` remain.
+            If fewer than `MINIMUM_POINTS` remain, or an end is not a number.
         """
+        low_hz, high_hz = (real_number(end, "an end of the band") for end in (low_hz, high_hz))
         inside, change = inside_band(self.frequency_hz, low_hz, high_hz)
         if not change:
             return self
@@ -163,15 +172,19 @@ class ImpedanceSweep:
         termination, metadata, condition
             As in `ImpedanceSweep`.
         frame : DataFrame
-            With `sigma_relative` that is taken too; columns of other names are left alone.
+            With `sigma_relative` that is taken too; columns of other names are left alone. Rows from high to low frequencies are turned round; the
+            metadata `changes` record that.
 
         Raises
         ------
         BadInput
             As `ImpedanceSweep`, and if a column or its unit is missing or not known.
         """
-        frequency_hz, impedance_ohm, sigma_relative = impedance_in(frame)
-        return cls(termination, frequency_hz, impedance_ohm, sigma_relative, metadata, condition)
+        frequency_hz, impedance_ohm, sigma_relative, changes = impedance_in(frame)
+        sweep = cls(termination, frequency_hz, impedance_ohm, sigma_relative, metadata, condition)
+        for change in changes:
+            sweep = sweep.with_change(change)
+        return sweep
 
     def to_frame(self) -> pd.DataFrame:
         """A pandas table: frequency_hz, resistance_ohm, reactance_ohm, and sigma_relative where it is stated."""
@@ -238,10 +251,7 @@ def check_order(frequency_hz: float, before_hz: float, where: str) -> None:
 
 def checked_frequency(frequency_hz: ArrayLike, what: str, minimum_points: int) -> FloatArray:
     """A copy of a frequency axis after its check; raises `BadInput` if it cannot be one."""
-    try:
-        frequency = np.array(frequency_hz, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise BadInput(f"{what}: the frequencies are not numbers") from error
+    frequency = real_numbers(frequency_hz, f"{what}: the frequencies")
     if frequency.ndim != 1 or frequency.size < minimum_points:
         raise BadInput(f"{what}: needs at least {minimum_points} points, got {frequency.size}")
     if not np.all(np.isfinite(frequency)) or frequency[0] <= 0:

@@ -15,6 +15,7 @@ from motoremi.data.storage import PENDING_SUFFIX
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import show_name
 from motoremi.errors import BadInput
+from motoremi.given import refuse_other
 
 # Kinds of documents that name a measured file.
 MEASURED = ("sweep", "spectrum", "final", "standard", "compensation")
@@ -44,6 +45,7 @@ def verify(path: str | os.PathLike[str]) -> list[str]:
     BadInput
         If there is no such folder or it cannot be read.
     """
+    refuse_other(path, (str, os.PathLike), "verify needs the path of a session folder")
     folder = Path(path)
     while True:
         before = _stamps(folder)

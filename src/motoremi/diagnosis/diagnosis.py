@@ -44,6 +44,7 @@ from motoremi.fitting.fit import MODES
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Task, arrived_on_all
+from motoremi.given import refuse_other
 from motoremi.inspection.compare import compare
 from motoremi.inspection.unexplained import Remainder, remainder
 from motoremi.investigation.next_measurement import next_measurement
@@ -294,6 +295,7 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     -------
     Diagnosis
     """
+    refuse_other(fit, Fit, "diagnose needs a Fit")
     search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
     with own_processes() if map is None else nullcontext(map) as each:
         if any(contradicts(fit.measurement) is not None for contradicts in (wrong_phase_in, exchanged_in, the_same_twice)):

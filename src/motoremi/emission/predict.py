@@ -25,6 +25,7 @@ from motoremi.emission.observe import unsuitable
 from motoremi.emission.setup import MotorImpedance, Setup, scan_frequencies
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
+from motoremi.given import real_numbers, refuse_other
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -236,8 +237,15 @@ def predict(
     Raises
     ------
     BadInput
-        If a limit or a spectrum cannot be used.
+        If the motor, a limit or a spectrum cannot be used.
     """
+    if motor is not None and not callable(motor):
+        refuse_other(motor, Fit, "predict needs first a Fit, or a function that gives the motor's impedance")
+    if setup is not None:
+        refuse_other(setup, Setup, "predict needs a Setup after the motor")
+    refuse_other(spectra, Sequence, "spectra are a list of Spectrum")
+    for spectrum in spectra:
+        refuse_other(spectrum, Spectrum, "spectra are a list of Spectrum, and nothing else in it")
     chosen = replace(setup if setup is not None else Setup(), corrections=corrections)
     bound = limit if isinstance(limit, Limit) else find_limit(limit)
     if corrections.level_unit != bound.unit:
@@ -250,7 +258,7 @@ def predict(
     if motor is not None and corrections.level_unit != "dBuV":
         motor = None
     if frequency_hz is not None:
-        frequency: FloatArray = np.asarray(frequency_hz, dtype=np.float64)
+        frequency: FloatArray = real_numbers(frequency_hz, "the frequencies of a prediction")
         if frequency.ndim != 1 or frequency.size < 2 or np.any(np.diff(frequency) <= 0) or frequency[0] <= 0:
             raise BadInput("the frequencies of a prediction must increase and be above 0")
     else:

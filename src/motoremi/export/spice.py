@@ -14,6 +14,7 @@ from motoremi.errors import BadInput
 from motoremi.export.ideal_network import Coils
 from motoremi.export.realise import Realisation, deviation, impedance_of, realise
 from motoremi.fitting.result import Fit
+from motoremi.given import refuse_other
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.names import as_sum
 from motoremi.model.motor import Motor, dc_motor
@@ -53,6 +54,7 @@ def spice_model(fit: Fit) -> SpiceModel:
     BadInput
         If the fit did not converge, or a user's effect has no equivalent of resistors, inductors and capacitors.
     """
+    refuse_other(fit, Fit, "spice_model needs a Fit")
     if not fit.converged:
         raise BadInput("the fit did not converge: fit again before the model is used elsewhere")
     groups = {name: find_effect(name).effect.group for name in fit.effects}

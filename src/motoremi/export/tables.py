@@ -14,6 +14,7 @@ from motoremi.data.sweep import ImpedanceSweep, group_repeats
 from motoremi.errors import BadInput
 from motoremi.export.extras import needs
 from motoremi.fitting.result import Fit
+from motoremi.given import refuse_other
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +38,7 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
     """
     import pandas as pd
 
+    refuse_other(session, Session, "sweep_table needs a session, load(folder)")
     sweeps = (*session.corrected_sweeps, *session.corrected_conditioned)
     if not sweeps:
         raise BadInput(f"{session.path.name} holds no impedance sweep: there is nothing to export")
@@ -101,6 +103,7 @@ def to_xarray(session: Session) -> xr.Dataset:
     BadInput
         If the repeats of a termination are not on the same frequencies, or xarray is not installed.
     """
+    refuse_other(session, Session, "to_xarray needs a session, load(folder)")
     needs("xarray", "labelled arrays", "hdf5")
     import xarray as xr
 

@@ -40,6 +40,7 @@ from motoremi.fitting.search import (
 )
 from motoremi.fitting.starts import base_starts, seen
 from motoremi.fitting.vanishing import no_worse
+from motoremi.given import real_number, refuse_other, seed_number
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.open_alone import Division, divisions
@@ -105,13 +106,18 @@ def fit(
     Raises
     ------
     BadInput
-        For sweeps, bounds or names that cannot be used.
+        For sweeps, bounds, names or a seed that cannot be used.
     """
     started = time.perf_counter()
     motor = model if model is not None else dc_motor()
+    refuse_other(motor, Motor, "fit needs a model first, dc_motor()")
+    for option, given in (("bounds", bounds), ("held", held)):
+        if given is not None:
+            refuse_other(given, Mapping, f"{option} are a dictionary of parameters by name")
+    seed = seed_number(seed)
     if method not in METHODS:
         raise BadInput(f"unknown method {method!r}: use one of {', '.join(METHODS)}")
-    measurement = sweeps if isinstance(sweeps, Measurement) else Measurement.of(sweeps, analyser)
+    measurement = sweeps if isinstance(sweeps, Measurement) else Measurement.of(_sweeps(sweeps), analyser)
     _check_informative(measurement)
     limits, fixed = checked_bounds(motor, bounds), checked_held(motor, held)
     for p in motor.parameters:
@@ -131,6 +137,15 @@ def fit(
     return dataclasses.replace(result, elapsed_s=time.perf_counter() - started)
 
 
+def _sweeps(given: object) -> list[ImpedanceSweep]:
+    needs = "fit needs a list of ImpedanceSweep"
+    refuse_other(given, Iterable, needs)
+    listed = list(given)  # type: ignore[call-overload]
+    for one in listed:
+        refuse_other(one, ImpedanceSweep, f"{needs}, and nothing else in it")
+    return listed
+
+
 def checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, float]:
     """Values that can be held, or one clear line.
 
@@ -141,7 +156,8 @@ def checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, fl
         motors have, or a value with which an effect would give energy away.
     """
     known = {p.name: p for p in motor.parameters}
-    for name, value in (held or {}).items():
+    values = {name: real_number(value, f"the held value of {name}") for name, value in (held or {}).items()}
+    for name, value in values.items():
         if name not in known:
             raise BadInput(f"held value for the unknown parameter {name!r}; the model has {', '.join(sorted(known))}")
         if not np.isfinite(value):
@@ -151,7 +167,7 @@ def checked_held(motor: Motor, held: Mapping[str, float] | None) -> dict[str, fl
         if known[name] in BASE_PARAMETERS and not known[name].low <= value <= known[name].high:
             raise BadInput(f"the held value of {name}, {value:g} {known[name].unit}, is outside of what motors have: {_range(known[name])}")
         _check_valid(known[name], value)
-    return {name: float(value) for name, value in (held or {}).items()}
+    return values
 
 
 def _check_possible(limits: Mapping[str, tuple[float, float]], held: Mapping[str, float]) -> None:

@@ -24,6 +24,7 @@ from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, scales_of
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem, fixture_parameters
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Found, Solution, Task
 from motoremi.fitting.warming import displacements
+from motoremi.given import refuse_other
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.names import as_sum
@@ -124,6 +125,7 @@ class Fit:
             own = getattr(self, name)
             if not isinstance(own, FrozenDict):
                 object.__setattr__(self, name, FrozenDict(own))
+        object.__setattr__(self, "history", tuple(point if isinstance(point, FrozenDict) else FrozenDict(point) for point in self.history))
 
     def __getstate__(self) -> dict[str, object]:
         """The part that is sent to another process; derived values are computed there."""
@@ -304,10 +306,13 @@ class Fit:
         BadInput
             If the effect is unknown or already in the model.
         """
+        refuse_other(effect, str, "an effect is a name such as 'eddy-laminations'")
         return on_fits.refit_with(self, effect, held, thorough)
 
     def drop(self, effect: str | None = None) -> Fit:
         """The fit without an effect (the last one by default), refitted."""
+        if effect is not None:
+            refuse_other(effect, str, "an effect is a name such as 'eddy-laminations'")
         return on_fits.refit_without(self, effect)
 
     def to_frame(self) -> pd.DataFrame:
@@ -470,7 +475,8 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
         sizes = Sizes(float(payload["sizes"]["discrepancy"]), float(payload["sizes"]["declared"]))
         found = Marginal.restored(payload["sizes"])
         method, seed, converged = payload["method"], int(payload["seed"]), bool(payload["converged"])
-        evaluations, elapsed_s, history = int(payload["evaluations"]), float(payload["elapsed_s"]), tuple(payload["history"])
+        evaluations, elapsed_s = int(payload["evaluations"]), float(payload["elapsed_s"])
+        history = tuple(dict(point) for point in payload["history"])
         warnings = tuple(str(warning) for warning in payload["warnings"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BadInput("the stored fit is incomplete: fit the session again") from error

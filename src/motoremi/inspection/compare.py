@@ -15,6 +15,7 @@ from motoremi.arrays import BoolArray, FloatArray, FrozenDict, JsonDict
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
+from motoremi.given import real_number, refuse_other
 from motoremi.quantities import percent, show_band
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class Tolerance:
     def __post_init__(self) -> None:
         for name in ("error_percent", "magnitude_db", "phase_deg"):
             value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
+            if value is not None and not 0 < real_number(value, f"the tolerance {name}") < np.inf:
                 raise BadInput(f"the tolerance {name} must be above 0, got {value}")
 
     @property
@@ -184,6 +185,9 @@ def compare(fit: Fit, tolerance: Tolerance | None = None) -> Comparison:
     tolerance : Tolerance, optional
         By default the paper's own criterion, 10 % at every point.
     """
+    refuse_other(fit, Fit, "compare needs a Fit")
+    if tolerance is not None:
+        refuse_other(tolerance, Tolerance, "a tolerance is a Tolerance(error_percent=5)")
     asked = tolerance if tolerance is not None and tolerance.judges else PAPER_TOLERANCE
     errors = fit.errors()
     curves: dict[str, Curve] = {}

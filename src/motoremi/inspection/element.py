@@ -20,6 +20,7 @@ from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.problem import behind_fixture
 from motoremi.fitting.result import Fit
+from motoremi.given import refuse_other
 from motoremi.inspection.dispersion import BY_UNIT, CLEARLY_BETTER, CONSTANT_ENOUGH, DESCRIBES, DispersionFit, fit_laws
 from motoremi.inspection.element_circuit import ELEMENTS, distinct, outermost, substituted, whole_element, with_element
 from motoremi.inspection.free_element import with_free
@@ -209,6 +210,7 @@ def inspect(fit: Fit, element: str) -> Inspection:
     BadInput
         For an unknown element, one that no sweep depends on, or an effect that is not a single part of the circuit.
     """
+    refuse_other(fit, Fit, "inspect needs a Fit")
     names = (*ELEMENTS, *_labels(fit.effects))
     if element not in names:
         raise BadInput(f"unknown element {element!r}: use one of {', '.join(names)}")
