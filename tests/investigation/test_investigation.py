@@ -104,6 +104,19 @@ def test_copper_is_known_and_what_an_effect_names_is_known_within_a_factor() -> 
     assert silent[2] == 1.0
 
 
+def test_turning_the_shaft_may_change_a_film_in_either_direction() -> None:
+    names = ["Ra", "bearing-film.capacitance_f"]
+    condition = parse_condition("shaft-turned=30deg")
+    assert condition is not None
+    found = responses(condition, names)
+    thinner, _ = factors(found, found.typical, names)
+    thicker, _ = factors(found, -found.typical, names)
+    assert thinner[1] == pytest.approx(0.6)
+    assert thicker[1] == pytest.approx(1 / 0.6)
+    assert factors(found, np.zeros(found.size), names)[0][1] == 1.0
+    assert found.listed
+
+
 CHANGES = ("second-temperature=53degC", "longer-lead=50nH", "known-capacitor=100pF", "far-end-grounded", "fixture-load=50ohm", "shaft-turned")
 
 

@@ -58,6 +58,8 @@ class Option:
         Whether the models can predict its outcome; otherwise it is listed, never requested, and its sweeps are only stored.
     procedure : str
         Bench procedure that does it, if the bench can.
+    either_way : bool
+        Whether it leads from one arbitrary state to another, so that a response may have either sign.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Option:
     reaches: tuple[str, ...] = ()
     predicted: bool = True
     procedure: str = ""
+    either_way: bool = False
 
     @property
     def reaches_motor(self) -> bool:
@@ -134,6 +137,7 @@ MENU = (
         elements=_TURNED,
         others=0.02,
         reaches=("rotor",),
+        either_way=True,
     ),
     Option("contacts-cleaned", "clean and tighten the contacts and repeat both sweeps", "change", 5.0),
     Option(

@@ -130,7 +130,7 @@ def _answer(option: Option, fit: Fit) -> Answer:
     if not sweeps:
         return NO_CHANGE
     outcome = Outcome(fit, sweeps, option=option)
-    mean, _, _ = outcome.at(fit.unknowns, np.zeros(outcome.size))
+    mean, _, _ = outcome.at(fit.unknowns, outcome.typical)
     start, best = 0, NO_CHANGE
     for sweep in sweeps:
         count = sweep.frequency_hz.size

@@ -133,6 +133,11 @@ class Outcome:
         """As `Responses.unpredicted`; what compensation leaves anew is predicted."""
         return np.concatenate([self._responses.unpredicted, np.zeros(len(self._anew), dtype=np.intp)])
 
+    @property
+    def typical(self) -> FloatArray:
+        """As `Responses.typical`; a connection that is made anew is the same."""
+        return np.concatenate([self._responses.typical, np.zeros(len(self._anew))])
+
     @cached_property
     def sigma(self) -> FloatArray:
         """White noise of each number, shape (2 n,)."""

@@ -42,7 +42,8 @@ class Response:
     mean : float
         Of the logarithm of its factor.
     sigma : float
-        Logarithm of the factor = mean + sigma * eta; for `listed`, mean * exp(sigma * eta): its sign is known, its size within a factor.
+        Logarithm of the factor = mean + sigma * eta; for `listed` with a mean, mean * exp(sigma * eta): its sign is known, its size within a
+        factor.
     number : int
         Which eta.
     listed : bool
@@ -60,7 +61,7 @@ class Response:
     def logarithm(self, eta: FloatArray) -> tuple[float, float]:
         """Of the factor, and its derivative for eta."""
         own = float(eta[self.number])
-        if not self.listed:
+        if not self.listed or not self.mean:
             return self.mean + self.sigma * own, self.sigma
         value = self.mean * math.exp(self.sigma * min(own, 5.0))
         return value, value * self.sigma
@@ -86,6 +87,14 @@ class Responses:
         found = np.zeros(self.size, dtype=np.intp)
         for one in self.members:
             found[one.number] = one.unpredicted
+        return found
+
+    @property
+    def typical(self) -> FloatArray:
+        """Response numbers of a typical response, shape (size,): zero, and one where the sign is not known."""
+        found = np.zeros(self.size)
+        for one in self.members:
+            found[one.number] = one.listed and not one.mean
         return found
 
     @property
@@ -126,7 +135,9 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
             effect = find_effect(label.split("#")[0]).effect
             factor = None if known else effect.responds.get(option.name, {}).get(short)
             if factor is not None and power is None:
-                members.append(Response(name, math.log(max(factor, GONE)) * strength, math.log(RESPONSE_FACTOR), count, listed=True))
+                size = math.log(max(factor, GONE)) * strength
+                mean, sigma = (0.0, size) if option.either_way else (size, math.log(RESPONSE_FACTOR))
+                members.append(Response(name, mean, sigma, count, listed=True))
                 count += 1
             reached = factor is None and effect.group in option.reaches
             members.append(Response(name, 0.0, option.others if reached else UNREACHED, count, unpredicted=2))
