@@ -127,3 +127,18 @@ def test_what_is_no_longer_held_or_bounded_is_told_with_the_command_that_keeps_b
     both = document(motoremi(*told.split("motoremi ")[1].split(), "--json"))
     assert (both["held"], both["bounds"], both["released"], both["unbounded"]) == ({"Ra": RA_OHM}, {"La": [1e-6, 1e-4]}, {}, {})
     assert document(motoremi("fit", session, "--json"))["unbounded"] == {"La": [1e-6, 1e-4]}
+
+
+def test_a_bound_that_leaves_out_the_motor_is_told_everywhere(tmp_path):
+    """The motor has 24 uH."""
+    session = imported(tmp_path)
+    told = motoremi("fit", session, "--bound", "La=1uH:5uH").stdout
+    (row,) = (line for line in told.splitlines() if line.split()[:1] == ["La"])
+    assert row.split() == ["La", "5", "uH", "at", "its", "bound"]
+    assert "note: La is at its bound, 5 uH: this value is not measured" in told
+    assert motoremi("report", session).returncode == 0
+    page = (session / "report" / "report.html").read_text()
+    assert "La is at its bound, 5 \u00b5H" in page
+    assert ">at its bound</td>" in page
+    (line,) = (line for line in (session / "report" / "parameters.csv").read_text().splitlines() if ",La," in line)
+    assert line.endswith(",H,,at its bound")

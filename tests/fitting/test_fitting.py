@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 
 import numpy as np
@@ -102,6 +103,26 @@ def test_bounds_are_kept():
     fit = me.fit(me.dc_motor(), noisy(DAMPED, 1e-2, 1), bounds={"La": (20e-6, 100e-6)})
     assert 20e-6 <= fit.parameters["La"] <= 100e-6
     assert fit.chi2_reduced > 10
+
+
+@pytest.mark.slow
+def test_a_value_at_the_bound_that_was_given_is_no_measured_one():
+    sweeps = noisy(DAMPED, 1e-2, 1)
+    fit = me.fit(me.dc_motor(), sweeps, bounds={"La": (1e-6, DAMPED["La"] / 3), "Cf": (DAMPED["Cf"] / 10, DAMPED["Cf"] * 10)})
+    assert fit.parameters["La"] == pytest.approx(DAMPED["La"] / 3, rel=1e-9)
+    assert fit.at_bounds == {"La": DAMPED["La"] / 3}
+    assert [bar for name, _, bar in fit.rows() if name == "La"] == ["at its bound"]
+    (told,) = (warning for warning in fit.warnings if "La is at its bound" in warning)
+    assert "fit with wider bounds" in told
+    stored = fit.to_dict()
+    entry = stored["parameters"]["La"]
+    assert (entry["at_bound"], entry["sigma"], entry["determined"]) == (True, None, False)
+    assert stored["parameters"]["Cf"]["at_bound"] is False
+    assert "La" not in fit.undetermined()
+    assert restore(json.loads(json.dumps(stored)), fit.measurement).at_bounds == fit.at_bounds
+    # The range of an effect is none that somebody gave.
+    assert all(name == "La" for name in fit.add("lead-inductance").at_bounds)
+    assert me.fit(me.dc_motor(), sweeps).at_bounds == {}
 
 
 @pytest.mark.slow

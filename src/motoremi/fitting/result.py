@@ -18,6 +18,7 @@ from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
+from motoremi.fitting.band_scaling import scaled_ranges
 from motoremi.fitting.exchange import EXCHANGEABLE, other_assignment
 from motoremi.fitting.intervals import Derived, Interval
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, scales_of
@@ -47,6 +48,8 @@ MAPPINGS = ("parameters", "sigma", "nuisance", "bounds", "held", "search_paramet
 # Standard deviations by which chi-squared is above what noise and analyser leave: of a complex value at each point its mean has one of
 # 1 / sqrt(points).
 PLAINLY_MORE = 5.0
+# A value that is so near to its bound, as a share of its range, is at it; searches end on it exactly, but for rounding.
+EDGE = 1e-6
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.
 LEAST_LIKELY = 1e-3
 
@@ -337,11 +340,12 @@ class Fit:
             "parameters": {
                 p.name: {
                     "value": self.parameters[p.name],
-                    "sigma": _finite(self.sigma[p.name]),
+                    "sigma": None if p.name in self.at_bounds else _finite(self.sigma[p.name]),
                     "unit": p.unit,
                     "low": self.bounds.get(p.name, (p.low, p.high))[0],
                     "high": self.bounds.get(p.name, (p.low, p.high))[1],
                     "determined": self.determined(p.name),
+                    "at_bound": p.name in self.at_bounds,
                 }
                 for p in self.motor.parameters
                 if p.name in self.parameters
@@ -370,12 +374,12 @@ class Fit:
         }
 
     def determined(self, name: str) -> bool:
-        """Whether the data determine a parameter: its standard deviation is below half its value.
+        """Whether the data determine a parameter: its standard deviation is below half its value, and it is not at a bound that was given for it.
 
         A signed number that may well be none (a coupling) is known where its standard deviation is below a tenth of its range.
         """
         signed = self._signed_ranges.get(name, 0.0)
-        return bool(self.sigma[name] < max(0.5 * abs(self.parameters[name]), 0.1 * signed))
+        return name not in self.at_bounds and bool(self.sigma[name] < max(0.5 * abs(self.parameters[name]), 0.1 * signed))
 
     @cached_property
     def _signed_ranges(self) -> dict[str, float]:
@@ -384,7 +388,27 @@ class Fit:
 
     def undetermined(self) -> list[str]:
         """Names of the parameters that the sweeps show and do not determine."""
-        return [name for name in self.parameters if not self.determined(name) and name not in self.held]
+        return [name for name in self.parameters if not self.determined(name) and name not in self.held and name not in self.at_bounds]
+
+    @cached_property
+    def at_bounds(self) -> dict[str, float]:
+        """Parameters that are at a bound that was given for them, with that bound: it says so, and not the data."""
+        problem, u = self.problem, self.unknowns
+        near = EDGE * (problem.high - problem.low)
+        at_low, at_high = u <= problem.low + near, u >= problem.high - near
+        return {
+            p.name: self.bounds[p.name][0 if at_low[index] else 1]
+            for index, p in enumerate(problem.unknowns)
+            if (at_low[index] or at_high[index]) and self._bound_given(p.name)
+        }
+
+    def _bound_given(self, name: str) -> bool:
+        """Whether the bounds of a parameter are not the range of an effect, which reaches as far as the sweeps do."""
+        label = name.rpartition(".")[0]
+        if not label or name not in self.bounds:
+            return name in self.bounds
+        effect = find_effect(label.partition("#")[0]).effect
+        return scaled_ranges(effect, label, self.measurement).get(name) != self.bounds[name]
 
     def unseen(self) -> list[str]:
         """Names of the parameters that none of the sweeps depends on."""
@@ -397,6 +421,8 @@ class Fit:
         for name, value in self.parameters.items():
             if name in self.held:
                 bar = "held"
+            elif name in self.at_bounds:
+                bar = "at its bound"
             elif not self.determined(name):
                 bar = "not determined by these data"
             else:
@@ -575,6 +601,11 @@ def _with_sigma(result: Fit, problem: Problem, own: set[str]) -> Fit:
             unit = result.parameters[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
             sigma[parameter.name] = float(abs(unit) * deviations[index])
     warnings = result.warnings if result.exchange is None else (*result.warnings, EXCHANGEABLE)
+    units = {p.name: p.unit for p in problem.unknowns}
+    warnings += tuple(
+        f"{name} is at its bound, {show(bound, units[name])}: this value is not measured, and the others depend on it; fit with wider bounds"
+        for name, bound in result.at_bounds.items()
+    )
     return dataclasses.replace(result, sigma=sigma, warnings=warnings)
 
 

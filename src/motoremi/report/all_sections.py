@@ -172,7 +172,7 @@ def parameters_table(steps: tuple[Fit, ...]) -> Table:
     for index, (name, value, bar) in enumerate(last.rows()):
         effect = name.rpartition(".")[0].partition("#")[0]
         rows.append((name, ELEMENTS.get(name) or title_of(effect), value, bar, *([before.get(name, "-")] if before else [])))
-        if "not determined" in bar:
+        if "not determined" in bar or name in last.at_bounds:
             marked.add(index)
     return Table("Parameters", tuple(columns), tuple(rows), frozenset(marked))
 

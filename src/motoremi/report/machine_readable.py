@@ -45,10 +45,18 @@ def _cell(text: str) -> str:
     return f"'{shown}" if shown.lstrip()[:1] in tuple("=+-@") else shown
 
 
+def _note(entry: JsonDict, held: bool) -> str:
+    if held:
+        return "held"
+    if entry["at_bound"]:
+        return "at its bound"
+    return "" if entry["determined"] else "not determined"
+
+
 def render_csv(report: Report) -> str:
     """Number and laboratory of the report, parameters of every step, error of each band and margins to the limit, in one long table.
 
-    `sigma` is a number or empty; `note` says whether a parameter is determined, and gives the verdict of a band.
+    `sigma` is a number or empty; `note` says whether a parameter is held, at its bound or not determined, and gives the verdict of a band.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
@@ -59,7 +67,7 @@ def render_csv(report: Report) -> str:
     for number, step in enumerate(report.data["ladder"]):
         for name, entry in step["parameters"].items():
             sigma = "" if entry["sigma"] is None else repr(entry["sigma"])
-            note = "not converged" if not step["result"] else "held" if name in step["held"] else "" if entry["determined"] else "not determined"
+            note = "not converged" if not step["result"] else _note(entry, name in step["held"])
             writer.writerow(("parameter", f"step {number}", name, repr(entry["value"]), entry["unit"], sigma, note))
         note = " + ".join(step["effects"]) or "paper's circuit"
         for name in ("rms_error_percent", "corrected_error_percent", "floor_percent", "noise_percent"):

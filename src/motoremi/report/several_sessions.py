@@ -209,7 +209,7 @@ def _parameters(materials: Mapping[str, Materials]) -> list[JsonDict]:
             if fit is not None and parameter in fit.parameters:
                 held = parameter in fit.held
                 sigma = 0.0 if held else fit.sigma[parameter]
-                entry.update(value=fit.parameters[parameter], sigma=sigma if np.isfinite(sigma) else None)
+                entry.update(value=fit.parameters[parameter], sigma=sigma if np.isfinite(sigma) and parameter not in fit.at_bounds else None)
                 entry["determined"] = held or fit.determined(parameter)
                 if reference is not None and fit is not reference and entry["determined"]:
                     entry.update(_difference(entry, entries[0]))
