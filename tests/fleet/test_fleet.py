@@ -185,8 +185,10 @@ def test_the_command(folder, tmp_path):
     told = json.loads(result.stdout)
     assert told["counts"] == {"sessions": 8, "in_the_figures": 6, "troubled": 2}
     assert told["computed_now"] == 8
+    assert told["diagnosed"] == 0
     again = CliRunner().invoke(app, arguments)
     assert "0 computed now" in again.stdout
+    assert "missing effects and findings: not looked for" in again.stdout
     assert "line/tampered" in again.stdout
     # Three golden motors are too few.
     assert "no limits from the golden set: there are 3 golden motors, and at least 5 are needed" in again.stdout
@@ -247,6 +249,24 @@ def test_figures_find_the_drift_the_outlier_and_the_effects():
     page = fleet_html(figures, "story")
     assert "Kendall" in page
     assert "line/m030" in page
+
+
+def test_what_was_not_looked_for_is_not_called_none():
+    fitted = [{key: value for key, value in result.items() if key != "diagnosis"} for result in story()]
+    figures = fleet_figures(fitted)
+    assert figures["diagnosed"] == 0
+    page = fleet_html(figures, "fitted")
+    assert page.count("They were not looked for: no session was diagnosed.") == 2
+    assert "None was named." not in page
+    assert "None that is serious." not in page
+    assert re.search(r"serious findings</t[dh]>\s*<td[^>]*>not looked for<", page)
+
+    healthy = [{**result, "diagnosis": {"verdict": "adequate", "effects": []}} for result in fitted]
+    assert fleet_figures(healthy)["diagnosed"] == 60
+    page = fleet_html(fleet_figures(healthy), "healthy")
+    assert "None was named." in page
+    assert "None that is serious." in page
+    assert "not looked for" not in page
 
 
 def with_value(results: list[dict], session: str, parameter: str, value: float, sigma: float) -> list[dict]:

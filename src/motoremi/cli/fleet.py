@@ -34,7 +34,7 @@ def fleet_(
     from motoremi.cli.output import emit_json, say
     from motoremi.data.plain import to_page
     from motoremi.data.storage import write_whole
-    from motoremi.fleet.page import fleet_html
+    from motoremi.fleet.page import NOT_LOOKED_FOR, fleet_html
     from motoremi.fleet.run import RESULTS, DaskCluster, LocalProcesses, run_fleet, sessions_in, settled
     from motoremi.fleet.statistics import fleet_figures, golden_sessions
     from motoremi.fleet.work import Job
@@ -65,6 +65,8 @@ def fleet_(
         return
     counts = figures["counts"]
     say(f"{counts['sessions']} sessions, {computed} computed now, {counts['troubled']} troubled")
+    if not figures["diagnosed"]:
+        say(f"  missing effects and findings: {NOT_LOOKED_FOR}")
     for name, number in figures["effects"].items():
         say(f"  {name:28s} {number}")
     for name, sessions in figures["findings"].items():

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LONGEST_TABLE = 50
+# What is said of effects and findings if no session was diagnosed.
+NOT_LOOKED_FOR = "not looked for"
+_NOBODY_LOOKED = "They were not looked for: no session was diagnosed."
 
 
 def fleet_html(figures: JsonDict, title: str) -> str:
@@ -27,10 +30,11 @@ def fleet_html(figures: JsonDict, title: str) -> str:
 
 def _report(figures: JsonDict, title: str) -> Report:
     counts, found = figures["counts"], figures["findings"]
+    serious = _listed([f"{name} {len(sessions)}" for name, sessions in found.items()]) if figures["diagnosed"] else NOT_LOOKED_FOR
     headline = [
         ("sessions", f"{counts['sessions']}, {counts['in_the_figures']} of them in the figures", "plain"),
         ("verdicts", ", ".join(f"{verdict} {n}" for verdict, n in figures["verdicts"].items()) or "not diagnosed", "plain"),
-        ("serious findings", _listed([f"{name} {len(sessions)}" for name, sessions in found.items()]), "bad" if found else "plain"),
+        ("serious findings", serious, "bad" if found else "plain"),
         ("drift", _listed([f"{d['parameter']} along {d['along']}: {d['change_percent']:+.2g} %" for d in figures["drift"]]), "plain"),
         ("outliers", f"{len({o['session'] for o in figures['outliers']})} motors", "plain"),
     ]
@@ -90,16 +94,17 @@ def _distributions(figures: JsonDict) -> Section:
 
 
 def _missing(figures: JsonDict) -> Section:
-    total = sum(figures["verdicts"].values())
-    rows = tuple((name, str(n), percent(100 * n / total)) for name, n in figures["effects"].items())
+    rows = tuple((name, str(n), percent(100 * n / figures["diagnosed"])) for name, n in figures["effects"].items())
     table = Table("How often an effect was named", ("effect", "motors", "share"), rows)
-    return Section("Missing effects", () if rows else ("None was named.",), (table,) if rows else ())
+    none = "None was named." if figures["diagnosed"] else _NOBODY_LOOKED
+    return Section("Missing effects", () if rows else (none,), (table,) if rows else ())
 
 
 def _found(figures: JsonDict) -> Section:
     rows = tuple((name, str(len(sessions)), _listed(sessions)) for name, sessions in figures["findings"].items())
     table = Table("Serious findings about the data, which affect the verdict", ("finding", "motors", "sessions"), rows)
-    return Section("Findings", () if rows else ("None that is serious.",), (table,) if rows else ())
+    none = "None that is serious." if figures["diagnosed"] else _NOBODY_LOOKED
+    return Section("Findings", () if rows else (none,), (table,) if rows else ())
 
 
 def _drifts(figures: JsonDict) -> Section:

@@ -57,10 +57,10 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
     Returns
     -------
     dict
-        `counts`, `verdicts`, `effects`, `findings` (each serious one with its sessions), `parameters` (n, median, robust spread, quantiles),
-        `undetermined` (sessions whose data do not determine a parameter, which are not compared by it), `drift`, `outliers`, `limits`,
-        `no_limits` (why there are none although golden sessions were named, else empty), `beyond_limits`, `troubles`; and `values`, the columns
-        behind them.
+        `counts`, `diagnosed` (sessions in which effects and findings were looked for), `verdicts`, `effects`, `findings` (each serious one with its
+        sessions), `parameters` (n, median, robust spread, quantiles), `undetermined` (sessions whose data do not determine a parameter, which are
+        not compared by it), `drift`, `outliers`, `limits`, `no_limits` (why there are none although golden sessions were named, else empty),
+        `beyond_limits`, `troubles`; and `values`, the columns behind them.
 
     Raises
     ------
@@ -104,6 +104,7 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
     return {
         "schema": "motoremi.fleet/1",
         "counts": {"sessions": len(rows) + len(troubles), "in_the_figures": len(rows), "troubled": len(troubles)},
+        "diagnosed": verdicts.total(),
         "verdicts": dict(verdicts.most_common()),
         "effects": dict(effects.most_common()),
         "findings": dict(sorted(findings.items(), key=lambda entry: -len(entry[1]))),
