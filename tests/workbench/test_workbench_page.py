@@ -16,7 +16,7 @@ from workbench_tools import bench_of, make_session, served, until
 
 from motoremi.data.session import load
 from motoremi.workbench.doorway import doorway
-from motoremi.workflow import add_to_session, compare_session, drop_from_session, opened
+from motoremi.workflow import add_to_session, compare_session, drop_from_session, fit_session, opened
 
 pytestmark = [needs_chromium, pytest.mark.slow]
 MOTOREMI = Path(sys.executable).with_name("motoremi")
@@ -303,4 +303,21 @@ def test_what_the_bench_asks_for_can_be_read_to_its_end(browser, tmp_path):
         page.click("#stop")
         expect(page.locator("#run-status")).to_contain_text("safe")
         expect(page.locator("#run")).to_be_enabled()
+        watched.close()
+
+
+def test_a_change_that_the_page_did_not_see_begin_is_told_as_what_it_is(browser, tmp_path):
+    """A fit that this page began before it was loaded again, for example: it cannot know whose work it is."""
+    session = make_session(tmp_path / "s")
+    with served(bench_of(tmp_path, session)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        watched.drawn("story")
+        expect(page.locator("#outcome")).to_have_text("no model yet")
+        with opened(session) as store:
+            fit_session(store)
+        expect(page.locator("#outcome")).to_have_text(re.compile(r"^error [0-9.]+\s%$"))
+        with opened(session) as store:
+            add_to_session(store, "lead-inductance")
+        expect(page.locator("#outcome")).to_have_text(re.compile(r"^The ladder has changed: 1 → 2 steps, error [0-9.]+\s% → [0-9.]+\s%$"))
         watched.close()

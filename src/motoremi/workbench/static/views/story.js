@@ -357,14 +357,15 @@ function say(place, ...what) {
   place.outcome.replaceChildren(...what);
 }
 
-// The session was changed elsewhere.
+// The session was changed: elsewhere, or by work that this page began before it was loaded again.
 async function follow(place) {
   const before = place.data;
   await read(place);
   const { ladder, standing } = place.data;
   if (standing === before.standing || !ladder.length) return;
-  const was = before.ladder.length ? `, error ${written(before, before.ladder.at(-1).error)} → ${written(before, ladder.at(-1).error)}` : "";
-  say(place, h("small", {}, `The ladder was changed elsewhere: ${before.ladder.length} → ${ladder.length} steps${was}`));
+  const now = written(before, ladder.at(-1).error);
+  if (before.ladder.length) say(place, h("small", {}, `The ladder has changed: ${before.ladder.length} → ${ladder.length} steps, error ${written(before, before.ladder.at(-1).error)} → ${now}`));
+  else say(place, `error ${now}`);
 }
 
 async function read(place) {
