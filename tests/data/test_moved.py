@@ -13,6 +13,7 @@ from motoremi.data.noise import estimate_noise
 from motoremi.data.quantity import REFLECTION
 from motoremi.data.sweep import group_repeats
 from motoremi.diagnosis.diagnosis import diagnose
+from motoremi.diagnosis.findings import of_the_noise
 
 WHITE = 1e-4
 # Of a hand that connects two leads of some centimetres anew: R, L, G and C.
@@ -90,3 +91,13 @@ def test_a_sound_motor_whose_leads_moved_is_adequate_and_told_so(seed, count):
     result = diagnose(me.fit(me.dc_motor(), measurement))
     assert result.verdict == "adequate"
     assert any("leads moved" in finding.why for finding in result.findings)
+
+
+def test_a_bad_contact_in_one_repeat_is_serious_and_no_moved_lead():
+    rng = np.random.default_rng(4)
+    true = impedance(DAMPED, "short", GRID_HZ)
+    sweeps = [me.ImpedanceSweep("short", GRID_HZ, (true + ohm) * np.exp(WHITE * complex_normal(rng, GRID_HZ.size))) for ohm in (0, 0, 0, 8)]
+    found = of_the_noise(me.fit(me.dc_motor(), Measurement.of(sweeps, "4294a")))
+    contact = [finding for finding in found if finding.why.startswith("a contact changed")]
+    assert contact
+    assert all(finding.serious for finding in contact)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from few_effects import FEW, seeking
+from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
@@ -48,3 +49,20 @@ def test_an_ideal_analyser_is_believed_where_it_is_one():
     assert "not-as-declared" not in {finding.id for finding in found.findings}
     assert found.base.measurement.analyser.ideal
     assert "core-loss" in {*found.effects, *(one for family in found.families for one in family)}
+
+
+def test_a_cable_of_nearly_the_law_of_the_catalogue_does_not_make_the_declaration_wrong():
+    """One metre of 95 ohm, whose impedance is real although it has losses: the catalogue's has the reactance that belongs to them."""
+    rng = np.random.default_rng(4)
+    through = np.tanh(0.3 / 8.686 * np.sqrt(FREQUENCY_HZ / 30e6) + 2j * np.pi * FREQUENCY_HZ * 5.2e-9)
+    sweeps = []
+    for termination in TERMINATIONS:
+        motor = impedance(DAMPED, termination, FREQUENCY_HZ)
+        true = 95 * (motor + 95 * through) / (95 + motor * through)
+        for _ in range(3):
+            noise = 2e-4 * (rng.normal(size=201) + 1j * rng.normal(size=201))
+            sweeps.append(ImpedanceSweep(termination, FREQUENCY_HZ, true * (1 + noise), metadata={"analyser": "4294a"}))
+    with seeking({*FEW, "supply-cable"}):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert found.effects == ("supply-cable",)
+    assert "not-as-declared" not in {finding.id for finding in found.findings}

@@ -34,6 +34,8 @@ MISSED = 0.5
 UNDETERMINED = 0.5
 # With fewer points than this, a sweep hardly determines more than the seven elements.
 FEW_POINTS = 30
+# Resistance of leads and clips in series that are sound: the fixture of a network analyser that nobody compensated has as much.
+MOST_OF_CONTACTS_OHM = 0.3
 
 
 @dataclass(frozen=True)
@@ -118,12 +120,14 @@ def _leads_moved(sweep: RepeatedSweep, sigma: FloatArray) -> Finding:
     change = np.sqrt(np.mean(np.abs(sweep.changes_by_leads) ** 2, axis=0)) * typical
     elements = zip(typical, ("Ohm", "H", "S", "F"), change, strict=True)
     sizes = [show(float(size), unit, 2) for size, unit, effect in elements if effect > 0.1 * change.max()]
+    bad_contact = bool(typical[0] > MOST_OF_CONTACTS_OHM and change[0] > 0.1 * change.max())
+    cause = "a contact changed" if bad_contact else "the leads moved"
     return Finding(
         "correlated-noise",
-        f"the leads moved between repeats of the {sweep.termination} sweep, by about {' and '.join(sizes)}: each repeat is converted to their "
+        f"{cause} between repeats of the {sweep.termination} sweep, by about {' and '.join(sizes)}: each repeat is converted to their "
         "average position, and the error that remains is allowed for",
-        "fix the leads, or connect them the same way each time",
-        False,
+        "look for a loose contact, and measure again" if bad_contact else "fix the leads, or connect them the same way each time",
+        bad_contact,
         sweep.termination,
         _span(sweep.frequency_hz),
     )
@@ -152,7 +156,8 @@ def of_the_analyser(fit: Fit, accepted: bool) -> list[Finding]:
         found.append(
             Finding(
                 "beyond-specification",
-                f"this needs errors of {sigma / 3:.2g} times the specification of the {analyser.title}: was it this analyser?",
+                f"this needs errors of {sigma / 3:.2g} times the specification of the {analyser.title}: was it this analyser"
+                + ("?" if accepted else ", or is the circuit at fault?"),
                 f"repeat {analyser.standards} compensation, or name the right one (--analyser)",
                 sigma > BEYOND_SIGMA,
             )

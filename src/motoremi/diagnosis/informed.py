@@ -35,7 +35,12 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
         best = max(score for _, score in credible.values())
         together = float(logsumexp([one.score for one in judgement.aside.values()]))
         credible |= {key: (one.fit, best + one.score - together) for key, one in judgement.aside.items()}
-    outside = max(OUTSIDE[judgement.acceptance], 1 - RELIABLE["unusual values"] if judgement.named and judgement.model.unusual else 0.0)
+    outside = OUTSIDE[judgement.acceptance]
+    if not judgement.accepted and judgement.nearly_described:
+        # What describes nearly all may be what is missing: then a measurement can show it.
+        outside = RELIABLE["unexplained, nearly all described"]
+    if judgement.named and judgement.model.unusual:
+        outside = max(outside, 1 - RELIABLE["unusual values"])
     start = rivals_of(credible, outside, 1 - RELIABLE["imitated"])
     return update(start, measurement or judgement.base.measurement)
 

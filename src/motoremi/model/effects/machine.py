@@ -160,7 +160,7 @@ EFFECTS = (
                 # 60 mm of wire of 0.2 mm have 33 mOhm and, without iron, 60 nH: 90 kHz. Wire of 0.1 mm has four times, a contact in it more.
                 "resistance of the turn and its contact over its inductance: from 50 Hz of thick copper to 90 kHz of thin wire in air",
             ),
-            Parameter("skin_hz", "Hz", 1e3, 10e6, "wire of 0.1 to 3 mm; at the upper end no skin effect is seen", special=10e6, usual=(1e3, 10e6)),
+            Parameter("skin_hz", "Hz", 1e3, 100e6, "wire of 0.03 to 3 mm; at the upper end it is not seen", special=100e6, usual=(1e3, 100e6)),
         ),
         limit="share -> 0",
         limit_values={"share": 0.0, "corner_hz": 3e3, "skin_hz": 1e6},
