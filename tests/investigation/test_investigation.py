@@ -25,7 +25,7 @@ from motoremi.investigation.next_measurement import next_measurement
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.question import next_question
 from motoremi.investigation.responses import COPPER_PER_K, factors, responses
-from motoremi.investigation.rivals import OUTSIDE, Rivals, rivals_of, update
+from motoremi.investigation.rivals import BEHIND, OUTSIDE, Rivals, rivals_of, update
 from motoremi.model.circuit import Tape
 from motoremi.model.motor import dc_motor
 from motoremi.workflow_ask import chosen, question_of
@@ -512,6 +512,26 @@ def test_a_pair_that_only_relieves_the_analyser_is_weighed_by_an_investigation_a
         members = tuple(replace(one, log_weight=one.log_weight + gained) if one.key == pair else one for one in before.members)
         after = informed(judgement, replace(before, members=members, taught=(Taught("shaft-turned", 1.0, {}),)))
         assert set(after.named) == set(named)
+
+
+@pytest.mark.slow
+def test_a_family_whose_laws_are_approximate_is_asked_about_however_far_apart_their_scores_are() -> None:
+    from motoremi.diagnosis.candidates import Candidate
+    from motoremi.diagnosis.judgement import decided
+
+    # The lead that neither describes leaves as much beside both.
+    lead = {"inductance_h": 5e-9, "resistance_ohm": 0.01, "skin_ohm": 1e-4}
+    bare = fit(dc_motor(), sweeps({"insulation-leakage@Cf": {"resistance_ohm": 5e3}, "lead-inductance": lead}))
+    found = {(): Candidate((), bare, 0.0, ())}
+    for key in (("insulation-leakage@Cf",), ("bearing-film",)):
+        with_it = bare.add(*key)
+        assert with_it.marginal.nothing_left < 0.5
+        found[key] = Candidate(key, with_it, with_it.log_evidence, ())
+    judgement = decided(bare, found)
+    assert judgement.families == {"insulation-leakage@Cf": ("bearing-film",)}
+    assert found["insulation-leakage@Cf",].score > found["bearing-film",].score + BEHIND
+    probabilities = rivals_in(judgement).probabilities
+    assert probabilities["bearing-film",] == pytest.approx(probabilities["insulation-leakage@Cf",])
 
 
 @pytest.mark.parametrize(("coupling", "quality", "outside"), [(0.3, 5.0, 0.03), (0.83, 0.66, 0.5)])

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE
-from motoremi.diagnosis.explore import Key
+from motoremi.diagnosis.explore import Key, key_of
 from motoremi.diagnosis.findings import Finding
 from motoremi.diagnosis.judgement import Judgement, decided, distributed
 from motoremi.investigation.mistakes import STRANGE_VALUE, Mistake
@@ -35,6 +35,11 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
         best = max(score for _, score in credible.values())
         together = float(logsumexp([one.score for one in judgement.aside.values()]))
         credible |= {key: (one.fit, best + one.score - together) for key, one in judgement.aside.items()}
+    model = key_of(judgement.model)
+    if judgement.accepted and model in credible and judgement.model.fit.marginal.nothing_left < 0.5:
+        # Likelihood ratios of laws that are approximate mean little: those of a family are as likely as the model until a measurement decides.
+        least = credible[model][1]
+        credible |= {key: (credible[key][0], max(credible[key][1], least)) for key in judgement.alternatives if key in credible}
     outside = OUTSIDE[judgement.acceptance]
     if not judgement.accepted and judgement.nearly_described:
         # What describes nearly all may be what is missing: then a measurement can show it.

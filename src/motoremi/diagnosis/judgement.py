@@ -414,15 +414,15 @@ class Judgement:
         slight = acceptance_of(base, base) == "slight" and base.unexplained_percent["value"] <= typical_percent
         return dataclasses.replace(self, none_named=True) if base.within_specification or slight else None
 
-    def rivals(self) -> list[Fit]:
-        """The accepted fit and those that these data do not distinguish from it; empty if there are none."""
-        fits = [self.model.fit]
-        for effect in dict.fromkeys(self.model.added):
+    @property
+    def alternatives(self) -> list[Key]:
+        """Sets that were found in which one effect of the accepted model is replaced by another of its family."""
+        sets = []
+        for effect in self.model.added:
             rest = list(self.model.added)
             rest.remove(effect)
-            family = self.families[effect]
-            fits += [self.found[key].fit for name in family if (key := tuple(sorted((*rest, name)))) in self.found]
-        return fits if len(fits) > 1 else []
+            sets += [tuple(sorted((*rest, name))) for name in self.families[effect]]
+        return [key for key in dict.fromkeys(sets) if key in self.found]
 
     def steps(self, last: Candidate) -> tuple[Fit, ...]:
         """From the base to a model, one effect at a time as far as such models were found."""

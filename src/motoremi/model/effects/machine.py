@@ -170,6 +170,8 @@ EFFECTS = (
         source="coupled circuits (textbook); the ranges are estimates: no measured machine with a shorted turn was at hand",
         change=scale("La", materials.shorted_loop_factor),
         starts=tuple({"share": k, "corner_hz": f, "skin_hz": 3e6, Scale("La"): 1 / (1 - k)} for k in (0.02, 0.2) for f in (300.0, 3e3, 2e4, 2e5)),
+        # How far the poles couple to the turn changes with the angle of the armature; an estimate.
+        responds={"shaft-turned": {"share": 1.4}},
         copper={"corner_hz": 1.0},
         seen_as=("inductance-loop",),
         shows_below_hz=CAGE_SEEN_BELOW_HZ,
