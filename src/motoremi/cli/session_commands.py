@@ -5,11 +5,10 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from motoremi.arrays import Value
 from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file, save_plot
 from motoremi.errors import BadInput
 from motoremi.report.kinds import PLOTS, SECTIONS
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
     from motoremi.fitting.result import Fit
     from motoremi.model.motor import Motor
     from motoremi.workflow_import import Addition
+
+Value = TypeVar("Value")
 
 
 def import_(
