@@ -277,12 +277,20 @@ def test_file_cut_inside_the_last_number(tmp_path: Path, lost: int) -> None:
         (bytes(range(256)) * 20, "binary"),
         (b"PK\x03\x04\x14\0\0\0\x08\0", "ZIP archive"),
         (b"\x01\x02\x03\x04\x05\x06", "binary"),
-        ("\n".join([HEAD, *rows()]).encode("utf-16"), "UTF-16"),
+        ("\n".join([HEAD, *rows()]).encode("utf-16")[:-1], "damaged UTF-16"),
+        ("\0".join([HEAD, *rows()]).encode("utf-16"), "binary"),
         ("\n".join(["# note: \u20ac\u2013", HEAD, *rows()]).encode("cp1252"), "UTF-8"),
     ],
 )
 def test_bytes_that_are_no_text(tmp_path: Path, content: bytes, says: str) -> None:
     assert says in refusal(write(tmp_path, content))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+def test_text_in_the_encodings_of_usual_programs(tmp_path: Path, encoding: str) -> None:
+    text = "\r\n".join(["# Gerät: Prüfling", HEAD, *rows(), ""])
+    sweep = read_impedance(write(tmp_path, text.encode(encoding)), "short")
+    np.testing.assert_array_equal(sweep.impedance_ohm, read_impedance(write(tmp_path, text.encode()), "short").impedance_ohm)
 
 
 def test_files_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -72,7 +72,7 @@ def refuse_empty(data: bytes, name: str) -> None:
 
 
 def decode(data: bytes, name: str) -> str:
-    """Text from UTF-8 (with or without byte order mark) or Latin-1 bytes.
+    """Text from UTF-8 (with or without byte order mark), UTF-16 with one, as programs on Windows save "Unicode" text, or Latin-1 bytes.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def decode(data: bytes, name: str) -> str:
         if data.startswith(begin):
             raise BadInput(f"{name}: {what}")
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise BadInput(f"{name}: is UTF-16 text; save it again as UTF-8")
+        data = _utf_8(data, name)
     head = data[:65536]
     controls = len(head) - len(head.translate(None, _ASCII_CONTROL))
     if b"\0" in data or controls > len(head) // 10:
@@ -95,6 +95,13 @@ def decode(data: bytes, name: str) -> str:
     if _C1_CONTROL.search(text):
         raise BadInput(f"{name}: is neither UTF-8 nor Latin-1 text; save it again as UTF-8")
     return text
+
+
+def _utf_8(data: bytes, name: str) -> bytes:
+    try:
+        return data.decode("utf-16").encode("utf-8")
+    except UnicodeDecodeError as error:
+        raise BadInput(f"{name}: is damaged UTF-16 text; save it again as UTF-8") from error
 
 
 def split_lines(text: str) -> list[str]:

@@ -663,6 +663,8 @@ def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
     left = base.unexplained_percent
     beyond = left["low"] > 0 and base.rms_error_percent > base.floor_percent
     rest = f"to {percent(left['value'], 2)}, beyond noise and analyser" if beyond else "down to noise and analyser"
+    if hardly_seen(base):
+        rest = "only where the analyser is sensitive"
     floor = f"noise and analyser would leave {percent(base.floor_percent, 2)}"
     said = [f"the model describes the sweeps {rest} (error {percent(base.rms_error_percent, 2)}, {floor})"]
     if verdict == "instrument" and base.analyser_sigma > BEYOND_SIGMA:

@@ -92,7 +92,8 @@ def _left_out(diagnosis: JsonDict) -> tuple[Table, ...]:
     known = [(names[key], value) for key, value in validation.items() if key in names and value is not None]
     rows = tuple((name, f"{value:+.4g}", "better" if value > 0 else "no better") for name, value in known)
     columns = ("predicted", "gain in log likelihood (nats)", "than before")
-    return (Table("Cross-validation: left-out data, with the named effects against without", columns, rows, _worse(known)),)
+    which = "named" if diagnosis["effects"] else "closest"
+    return (Table(f"Cross-validation: left-out data, with the {which} effects against without", columns, rows, _worse(known)),)
 
 
 def _worse(known: Sequence[tuple[str, float]]) -> frozenset[int]:
