@@ -30,9 +30,9 @@ class LocalEquations(NamedTuple):
     columns: ComplexArray
 
     @classmethod
-    def of(cls, frequency_hz: FloatArray, values: ComplexArray, windows: IntArray) -> LocalEquations:
-        """The equations for values in windows, both of shape (n, k); a window holds the indices of the points that are used at each point."""
-        x = frequency_hz[windows] - frequency_hz[:, None]
+    def of(cls, frequency_hz: FloatArray, center_hz: FloatArray, values: ComplexArray, windows: IntArray) -> LocalEquations:
+        """The equations around frequencies of shape (n,), for values in windows, both (n, k): the indices of the points that are used for each."""
+        x = frequency_hz[windows] - center_hz[:, None]
         x = x / np.abs(x).max(axis=1, keepdims=True)
         return cls(x, values, np.stack([np.ones_like(values), x + 0j, x**2 + 0j, -values * x, -values * x**2], axis=2))
 

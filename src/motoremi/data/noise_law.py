@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from motoremi.arrays import BoolArray, ComplexArray, FloatArray
+from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.data.quantity import Quantity
 
 # Smallest noise that is assumed: files have 6 or 7 digits, and the export of a 4294A with the lowest noise at hand scatters by 6e-5.
@@ -59,25 +59,25 @@ def _wave_domain(quantity: Quantity, impedance_ohm: ComplexArray) -> Domain:
     return Domain(quantity.relative(impedance_ohm), law, coefficient, np.ones(coefficient.size))
 
 
-def fitted_by_law(variance: FloatArray, law: FloatArray, used: BoolArray | slice = slice(None)) -> FloatArray:
+def fitted_by_law(variance: FloatArray, law: FloatArray, at: IntArray | slice = slice(None)) -> FloatArray:
     """The parts of a law fitted to sample variances, whose scatter is proportional to their size.
 
     Parameters
     ----------
-    variance : ndarray, shape (n,)
+    variance : ndarray, shape (k,)
     law : ndarray, shape (n, m)
-    used : ndarray of bool, shape (n,), or slice
-        Points that the law is fitted to.
+    at : ndarray of int, shape (k,), or slice
+        Points at which the variance was sampled.
 
     Returns
     -------
     ndarray, shape (n,)
         The variance by the law, at all points.
     """
-    seen, fitted = variance[used], np.full_like(variance, max(float(np.mean(variance[used])), SMALLEST_SIGMA**2))
+    fitted = np.full(len(law), max(float(np.mean(variance)), SMALLEST_SIGMA**2))
     for _ in range(8):
-        scaled = law[used] / fitted[used][:, None]
+        scaled = law[at] / fitted[at][:, None]
         norms = np.maximum(np.linalg.norm(scaled, axis=0), 1e-30)
-        coefficients = nnls(scaled / norms, seen / fitted[used])[0] / norms
+        coefficients = nnls(scaled / norms, variance / fitted[at])[0] / norms
         fitted = np.maximum(law @ coefficients, SMALLEST_SIGMA**2)
     return fitted

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.special import gammaincinv
 
-from motoremi.arrays import FloatArray
+from motoremi.arrays import ComplexArray, FloatArray, IntArray
 from motoremi.data.local_rational import COEFFICIENTS, LocalEquations
 from motoremi.data.noise_law import SMALLEST_SIGMA, Domain, fitted_by_law
 
@@ -32,6 +32,8 @@ ROUNDS = 6
 # With fewer points, the scatter may be that of the curve: then the noise is not assumed to be larger than the second number, which no usable
 # analyser exceeds.
 COARSE, MOST_OF_COARSE = 30, 0.03
+# Points, about, that the law is fitted to: its three parts need no more, and a hundred thousand would take half a minute.
+ENOUGH = 1500
 
 
 def noise_by_scatter(frequency_hz: FloatArray, domain: Domain) -> FloatArray:
@@ -49,23 +51,30 @@ def noise_by_scatter(frequency_hz: FloatArray, domain: Domain) -> FloatArray:
     count = frequency_hz.size
     width = min(WINDOW, count)
     windows = np.clip(np.arange(count) - width // 2, 0, count - width)[:, None] + np.arange(width)
-    size = np.abs(domain.rational[windows]).max(axis=1, keepdims=True)
-    # Nothing at all is reflected by the reference resistance.
-    size = np.where(size > 0, size, 1.0)
-    equations = LocalEquations.of(frequency_hz, domain.rational[windows] / size, windows)
     freedom = KEPT * 2 * (width - COEFFICIENTS)
     # Quantiles of chi-squared.
     median, largest = (2 * gammaincinv(freedom / 2, share) for share in (0.5, USED))
 
-    sigma = np.ones(count)
+    sigma, at = np.ones(count), np.arange(0, count, max(count // ENOUGH, 1))
+    equations, size = _equations(frequency_hz, domain.rational, windows[at], at)
     for _ in range(ROUNDS):
-        squares = _squares(equations, (sigma * domain.of_rational)[windows] / size)
+        squares = _squares(equations, (sigma * domain.of_rational)[windows[at]] / size)
         used = squares <= largest * max(float(np.median(squares)) / median, 1.0)
-        sigma = np.sqrt(fitted_by_law(squares / freedom * sigma**2, domain.law, used))
+        sigma = np.sqrt(fitted_by_law((squares / freedom * sigma[at] ** 2)[used], domain.law, at[used]))
+    if at.size < count:
+        equations, size = _equations(frequency_hz, domain.rational, windows, np.arange(count))
     squares = _squares(equations, (sigma * domain.of_rational)[windows] / size)
     typical = median_filter(squares, size=min(NEIGHBOURS, count), mode="nearest") / median
     sigma = np.maximum(sigma * np.sqrt(np.minimum(typical, MOST_CORRECTED)), SMALLEST_SIGMA)
     return np.minimum(sigma, MOST_OF_COARSE) if count < COARSE else sigma
+
+
+def _equations(frequency_hz: FloatArray, values: ComplexArray, windows: IntArray, at: IntArray) -> tuple[LocalEquations, FloatArray]:
+    """The equations in the windows around some points, and the unit of their values at each, shape (k, 1)."""
+    size = np.abs(values[windows]).max(axis=1, keepdims=True)
+    # Nothing at all is reflected by the reference resistance.
+    size = np.where(size > 0, size, 1.0)
+    return LocalEquations.of(frequency_hz, frequency_hz[at], values[windows] / size, windows), size
 
 
 def _squares(equations: LocalEquations, noise: FloatArray) -> FloatArray:

@@ -70,7 +70,7 @@ def _windows(count: int) -> IntArray:
 def _against_neighbours(frequency_hz: FloatArray, impedance: ComplexArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """|Z/prediction - 1| of each point and its standard deviation, both of shape (n,)."""
     windows = _windows(frequency_hz.size)
-    equations = LocalEquations.of(frequency_hz, impedance[windows] / impedance[:, None], windows)
+    equations = LocalEquations.of(frequency_hz, frequency_hz, impedance[windows] / impedance[:, None], windows)
     y, columns = equations.values, equations.columns
     noise = sigma[windows] * np.abs(y)
     denominator = np.ones_like(y)

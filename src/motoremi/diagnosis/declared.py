@@ -74,10 +74,10 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         # Only single effects: two of them and the large errors of a network analyser would describe anything.
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), ONE_EFFECT, each)
         odds = other.best.score - first.best.score
-        # It counts only if it needs no errors beyond its own specification and its circuit errs little more. With an ideal analyser, effects
-        # describe its errors, so that only the base is compared.
-        closest = first.base if declared.ideal else first.best.fit
-        as_close = other.model.fit.rms_error_percent <= (ALIKE if declared.ideal else AS_CLOSE) * closest.rms_error_percent
+        # It counts only if it needs no errors beyond its own specification and its circuit errs little more. An ideal analyser leaves its errors to
+        # the effects, so that only the base is compared.
+        limits = [ALIKE * first.base.rms_error_percent, *([] if declared.ideal else [AS_CLOSE * first.best.fit.rms_error_percent])]
+        as_close = other.model.fit.rms_error_percent <= min(limits)
         within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and as_close
         if odds > TAKEN and other.accepted and within:
             return Declared(other, base.measurement.analyser, float(odds))
