@@ -256,7 +256,9 @@ def wrong_phase_in(measurement: Measurement) -> Finding | None:
             return Finding(
                 "wrong-phase",
                 f"{sweep.termination} sweep: {SENTENCES[found]}",
-                "correct the sign or the unit of the reactance or phase in the file, and import it again",
+                "export R and X, or |Z| and its phase, and import the sweeps again"
+                if found == "no phase"
+                else "correct the sign or the unit of the reactance or phase in the file, and import it again",
                 True,
                 sweep.termination,
                 _span(sweep.frequency_hz),
