@@ -93,3 +93,5 @@ def test_exchanged_sweeps_are_data_and_no_effect():
     assert found.findings[0].id == "sweeps-exchanged"
     assert found.reasons == (found.findings[0].why,)
     assert found.following == {"id": "repeats", "why": found.findings[0].remedy}
+    assert found.question is not None
+    assert found.findings[0].remedy in found.question.why

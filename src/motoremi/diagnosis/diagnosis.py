@@ -438,6 +438,7 @@ def _concluded(
         remedies = [one.remedy for one in findings if one.serious and one.id in {*ABOUT_THE_DATA, *CONTRADICTIONS}]
         if verdict == "data" and remedies:
             following: JsonDict = {"id": "repeats", "why": remedies[0]}
+            question = dataclasses.replace(question, why=f"these sweeps show nothing about the motor until they are right: {remedies[0]}")
         else:
             following = next_measurement(base, question, measurement.done)
     else:
