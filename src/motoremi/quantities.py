@@ -49,20 +49,6 @@ def parse(text: str | float | int, unit: str) -> float:
     return value
 
 
-def parse_with_unit(text: str, unit: str) -> float:
-    """Read a quantity that must not be a bare number, whose prefix would be in doubt; `unit` is empty for pure numbers.
-
-    Raises
-    ------
-    BadInput
-        As `parse`, and for a number without unit.
-    """
-    value = parse(text, unit)
-    if unit and re.search(r"[^\W\d_]\s*$", text) is None:
-        raise BadInput(f"{text.strip()!r} has no unit: add {unit}, with a prefix (p, n, u, m, k, M) where it has one")
-    return value
-
-
 def parse_band(text: str) -> tuple[float, float]:
     """Read a frequency span such as `150kHz:30MHz` and return both ends in hertz.
 

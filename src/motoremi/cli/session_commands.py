@@ -376,7 +376,7 @@ def fit_(
 
 def _bound(text: str) -> tuple[str, tuple[float, float]]:
     from motoremi.model.motor import BASE_PARAMETERS
-    from motoremi.quantities import parse_with_unit
+    from motoremi.quantities import parse
 
     name, equals, pair = (part.strip() for part in text.partition("="))
     units = {parameter.name: parameter.unit for parameter in BASE_PARAMETERS}
@@ -385,11 +385,11 @@ def _bound(text: str) -> tuple[str, tuple[float, float]]:
     if name not in units:
         raise BadInput(f"bounds for the unknown parameter {name!r}; the circuit has {', '.join(units)}")
     low, high = pair.split(":")
-    return name, (parse_with_unit(low, units[name]), parse_with_unit(high, units[name]))
+    return name, (parse(low, units[name]), parse(high, units[name]))
 
 
 def _held(text: str, model: Motor) -> tuple[str, float]:
-    from motoremi.quantities import parse_with_unit
+    from motoremi.quantities import parse
 
     name, equals, value = (part.strip() for part in text.partition("="))
     known = {parameter.name: parameter for parameter in model.parameters}
@@ -399,7 +399,7 @@ def _held(text: str, model: Motor) -> tuple[str, float]:
         raise BadInput(f"--hold takes one value, not the range {text!r}: limits of a value that is fitted are given with --bound")
     if name not in known:
         raise BadInput(f"cannot hold the unknown parameter {name!r}; the model has {', '.join(known)}")
-    return name, parse_with_unit(value, known[name].unit)
+    return name, parse(value, known[name].unit)
 
 
 def _by_name(option: str, pairs: Iterable[tuple[str, Value]]) -> dict[str, Value]:
