@@ -340,11 +340,15 @@ def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map
     left_percent = 0.0 if judgement.accepted else judgement.closest_found.fit.unexplained_percent["value"]
     if left_percent <= 100 * PLAIN:
         return declared
-    most = HALF * judgement.closest_found.fit.rms_error_percent
+    closest_percent = judgement.closest_found.fit.rms_error_percent
     whole = whole_machine(judgement.base, each, part(progress, 0.0, 0.5))
     if left_percent > SEVERAL_PERCENT and (whole is None or whole.fit.rms_error_percent > SEVERAL_PERCENT):
         whole = machine_with_modes(judgement.base, whole, each, part(progress, 0.5, 1.0)) or whole
-    if whole is None or whole.fit.rms_error_percent > most:
+    if whole is None:
+        return declared
+    # The analyser's errors are in the circuit's error, which falls no further than to their size.
+    described = whole.fit.unexplained_percent["value"] <= HALF * left_percent and whole.fit.rms_error_percent <= closest_percent
+    if whole.fit.rms_error_percent > HALF * closest_percent and not described:
         return declared
     return dataclasses.replace(declared, judgement=dataclasses.replace(judgement, whole=whole))
 

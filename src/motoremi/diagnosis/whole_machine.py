@@ -62,7 +62,8 @@ def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None) 
     sets = {tuple(name for name in (*ordinary, *further) if name in possible) for further in product(WINDING, BUILT_IN)}
     trails = {names: _scattered(base, names) for names in sorted(sets)}
     reached = race(trails, WHOLE, (), progress, each).reached
-    leading = [_near(base, names, reached[names].starts[0]) for names in sorted(reached, key=lambda names: reached[names].best)[:FINISHED]]
+    best_sets = sorted(reached, key=lambda names: reached[names].best)[:FINISHED]
+    leading = [_by_evidence([_near(base, names, start) for start in reached[names].starts], each)[0] for names in best_sets]
     ends = [_needed(base, _with_likeliest_losses(base, trail, possible, each), each) for trail in leading]
     found = max(ends, key=lambda end: end[1].log_evidence + prior_of_set(base, len(_names(base, end[0]))))
     return candidate(on_all_points((*found, base)), base) if len(_names(base, found[0])) > 2 else None
@@ -145,7 +146,14 @@ def _fitted_near(job: tuple[Fit, Trail]) -> Fit:
 def nearest(base: Fit, names: Effects, each: Map = map) -> list[Trail]:
     """Where several effects together may be fitted best, the best first; their order makes no difference."""
     names = tuple(sorted(names))
-    return [_near(base, names, start) for start in race({names: _scattered(base, names)}, WHOLE, each=each).reached[names].starts]
+    reached = race({names: _scattered(base, names)}, WHOLE, each=each).reached[names]
+    return _by_evidence([_near(base, names, start) for start in reached.starts], each)
+
+
+def _by_evidence(trails: Sequence[Trail], each: Map) -> list[Trail]:
+    """Trails of one model by the evidence at their ends, the best first: the one that leads after a race is not always the best then."""
+    ends = list(each(raced_alone, trails))
+    return [trails[at] for at in sorted(range(len(trails)), key=lambda at: -ends[at].log_evidence)]
 
 
 def steps_to(base: Fit, trail: Trail, each: Map = map) -> list[Fit]:
