@@ -1,11 +1,8 @@
 """Random noise of a sweep, estimated from its repeats or, if there are none, from its own scatter.
 
-White noise follows the law of the analyser, times a slow function of frequency. A bridge has a relative part, an additive part in impedance
-(visible at low |Z|) and an additive part in admittance (visible at high |Z|). A network analyser measures the coefficient of a reflection or a
-transmission (`quantity`), with a part that does not depend on it and one that is proportional to it: relative to Z both grow without limit far
-from the reference resistance, however sharp a resonance is. In addition there are noise that is correlated along frequency, drift from repeat
-to repeat, and outliers: single points that differ from their repeats or from their neighbours (a broadcast station, a bad contact). Outliers
-are given a low weight instead of being deleted.
+White noise follows the law of the analyser (`noise_law`), times a slow function of frequency. In addition there are noise that is correlated
+along frequency, drift from repeat to repeat, and outliers: single points that differ from their repeats or from their neighbours (a broadcast
+station, a bad contact). Outliers are given a low weight instead of being deleted.
 """
 
 from __future__ import annotations
@@ -20,10 +17,10 @@ import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray
+from motoremi.data.noise_by_scatter import noise_by_scatter
 from motoremi.data.noise_law import SMALLEST_SIGMA, Domain, domain_of, fitted_by_law
 from motoremi.data.quantity import Quantity
 from motoremi.data.repeats import CorrelatedPart, contrasts, correlated_part, drift_of
-from motoremi.data.scatter import noise_by_scatter
 from motoremi.data.spikes import spikes
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.interrupts import checkpoint

@@ -1,7 +1,8 @@
 """The laws that the white noise of analysers follows: a sum of parts of known dependence on the impedance and unknown size.
 
-A bridge has a relative part, an additive part in impedance and an additive part in admittance. A network analyser measures a coefficient
-(`quantity`) with a part that does not depend on it and one that is proportional to it.
+A bridge has a relative part, an additive part in impedance (visible at low |Z|) and an additive part in admittance (visible at high |Z|). A
+network analyser measures the coefficient of a reflection or a transmission (`quantity`), with a part that does not depend on it and one that is
+proportional to it: relative to Z both grow without limit far from the reference resistance, however sharp a resonance is.
 """
 
 from __future__ import annotations

@@ -118,9 +118,9 @@ def _leads_moved(sweep: RepeatedSweep, sigma: FloatArray) -> Finding:
     """What changed between the repeats: the elements that change Z by at least a tenth of what the most influential one does."""
     typical = sigma / student_factor(sweep.repeats - 1)
     change = np.sqrt(np.mean(np.abs(sweep.changes_by_leads) ** 2, axis=0)) * typical
-    elements = zip(typical, ("Ohm", "H", "S", "F"), change, strict=True)
-    sizes = [show(float(size), unit, 2) for size, unit, effect in elements if effect > 0.1 * change.max()]
-    bad_contact = bool(typical[0] > MOST_OF_CONTACTS_OHM and change[0] > 0.1 * change.max())
+    seen = change > 0.1 * change.max()
+    sizes = [show(float(size), unit, 2) for size, unit, shows in zip(typical, ("Ohm", "H", "S", "F"), seen, strict=True) if shows]
+    bad_contact = bool(seen[0] and typical[0] > MOST_OF_CONTACTS_OHM)
     cause = "a contact changed" if bad_contact else "the leads moved"
     return Finding(
         "correlated-noise",

@@ -15,6 +15,7 @@ from motoremi.diagnosis.whole_machine import falling, nearest, steps_to
 from motoremi.fitting.fit import MODES
 from motoremi.fitting.race import Trail
 from motoremi.fitting.result import Fit
+from motoremi.fitting.search import Solution
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 from motoremi.workers import Map
@@ -73,11 +74,11 @@ def machine_in_words(whole: Candidate) -> list[str]:
     return [*said, f"add them to the model: motoremi add SESSION {' '.join(dict.fromkeys(whole.added))}"]
 
 
-def _beginnings(base: Fit, names: Effects, each: Map) -> list[tuple[Fit, Trail]]:
-    return [(base, trail) for trail in nearest(base, names, each)[:BEGINNINGS]]
+def _beginnings(base: Fit, names: Effects, each: Map) -> list[tuple[Fit, Trail, Solution]]:
+    return [(base, *found) for found in nearest(base, names, each)[:BEGINNINGS]]
 
 
-def _least(jobs: Sequence[tuple[Fit, Trail]], each: Map, progress: Progress | None) -> list[Fit]:
+def _least(jobs: Sequence[tuple[Fit, Trail, Solution]], each: Map, progress: Progress | None) -> list[Fit]:
     """Of the ladders with modes from all beginnings the one whose end errs least."""
     ladders = []
     for steps in each(_with_modes, jobs):
@@ -87,9 +88,9 @@ def _least(jobs: Sequence[tuple[Fit, Trail]], each: Map, progress: Progress | No
     return min(ladders, key=lambda steps: steps[-1].rms_error_percent)
 
 
-def _with_modes(job: tuple[Fit, Trail]) -> list[Fit]:
-    base, trail = job
-    ordinary = steps_to(base, trail)
+def _with_modes(job: tuple[Fit, Trail, Solution]) -> list[Fit]:
+    base, trail, end = job
+    ordinary = steps_to(base, (trail, end))
     modes = [ordinary[-1].add(MODES)]
     for portion in further(modes[-1], MODES):
         modes += portion

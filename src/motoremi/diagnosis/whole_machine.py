@@ -64,7 +64,7 @@ def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None) 
     reached = race(trails, WHOLE, (), progress, each).reached
     best_sets = sorted(reached, key=lambda names: reached[names].best)[:FINISHED]
     leading = [_by_evidence([_near(base, names, start) for start in reached[names].starts], each)[0] for names in best_sets]
-    ends = [_needed(base, _with_likeliest_losses(base, trail, possible, each), each) for trail in leading]
+    ends = [_needed(base, _with_likeliest_losses(base, one, possible, each), each) for one in leading]
     found = max(ends, key=lambda end: end[1].log_evidence + prior_of_set(base, len(_names(base, end[0]))))
     return candidate(on_all_points((*found, base)), base) if len(_names(base, found[0])) > 2 else None
 
@@ -92,9 +92,9 @@ def _drawn(parameter: Parameter, rng: np.random.Generator) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))) if parameter.scale == "log" else rng.uniform(low, high))
 
 
-def _with_likeliest_losses(base: Fit, trail: Trail, possible: Container[str], each: Map) -> tuple[Trail, Solution]:
+def _with_likeliest_losses(base: Fit, found: tuple[Trail, Solution], possible: Container[str], each: Map) -> tuple[Trail, Solution]:
     """The same with those losses that are the most probable, each row's others tried from the present values."""
-    best = raced_alone(trail)
+    trail, best = found
     for first, *others in LOSSES:
         names = _names(base, trail)
         instead = {other: tuple(other if name == first else name for name in names) for other in others if other in possible and first in names}
@@ -143,22 +143,24 @@ def _fitted_near(job: tuple[Fit, Trail]) -> Fit:
     return on_all_points((trail, raced_alone(trail), base))
 
 
-def nearest(base: Fit, names: Effects, each: Map = map) -> list[Trail]:
+def nearest(base: Fit, names: Effects, each: Map = map) -> list[tuple[Trail, Solution]]:
     """Where several effects together may be fitted best, the best first; their order makes no difference."""
     names = tuple(sorted(names))
     reached = race({names: _scattered(base, names)}, WHOLE, each=each).reached[names]
     return _by_evidence([_near(base, names, start) for start in reached.starts], each)
 
 
-def _by_evidence(trails: Sequence[Trail], each: Map) -> list[Trail]:
-    """Trails of one model by the evidence at their ends, the best first: the one that leads after a race is not always the best then."""
-    ends = list(each(raced_alone, trails))
-    return [trails[at] for at in sorted(range(len(trails)), key=lambda at: -ends[at].log_evidence)]
+def _by_evidence(trails: Sequence[Trail], each: Map) -> list[tuple[Trail, Solution]]:
+    """Trails of one model and their ends, those with the most evidence first: the one that leads after a race is not always the best then."""
+    return sorted(zip(trails, each(raced_alone, trails), strict=True), key=lambda found: -found[1].log_evidence)
 
 
-def steps_to(base: Fit, trail: Trail, each: Map = map) -> list[Fit]:
-    """The model with all effects of a trail, as steps of one effect each: at every step the one without which the rest does best comes last."""
-    path = [(trail, raced_alone(trail))]
+def steps_to(base: Fit, found: tuple[Trail, Solution], each: Map = map) -> list[Fit]:
+    """The model with all effects of a trail, from its end, as steps of one effect each.
+
+    At every step the one without which the rest does best comes last.
+    """
+    path = [found]
     while len(_names(base, path[-1][0])) > 1:
         path.append(_without_one(base, *path[-1], each))
     ordered: list[str] = []

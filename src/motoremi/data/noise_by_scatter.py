@@ -80,8 +80,11 @@ def _equations(frequency_hz: FloatArray, values: ComplexArray, windows: IntArray
 def _squares(equations: LocalEquations, noise: FloatArray) -> FloatArray:
     """Sum of squares of the residuals in units of their expected variance, the least of three windows at each point, shape (n,).
 
+    The windows before and after a point are those around other points of the equations.
+
     Parameters
     ----------
+    equations : LocalEquations
     noise : ndarray, shape (n, k)
         Expected noise of the values.
     """
@@ -95,6 +98,7 @@ def _squares(equations: LocalEquations, noise: FloatArray) -> FloatArray:
             # A curve that needs fewer coefficients leaves the triangle singular.
             regular = triangle + 1e-12 * np.abs(triangle).max(axis=(1, 2), keepdims=True) * np.eye(COEFFICIENTS)
             coefficients = np.linalg.solve(regular, projected)[:, :, 0]
+            # Limited, since a point where the denominator is almost zero would decide alone.
             weight = 1 / (noise * np.maximum(np.abs(equations.denominator(coefficients)), 1e-3))
     squares = np.sum(np.abs(right - basis @ projected)[:, :, 0] ** 2, axis=1)
     place, before = np.arange(squares.size), (weight.shape[1] - 1) // 2
