@@ -199,7 +199,7 @@ def addition(
     labels = [remark for remark in label_remarks(measurement.sweeps) if remark not in known]
     left_out = {name for sweep in measurement.sweeps for name in sweep.left_out}
     averaged = [sweep for sweep in corrected if sweep.metadata.get("source") not in left_out]
-    caveats = (*measurement.copies(), *labels, *_disagreeing(measurement, own), *_unlike_stored(before, averaged), *_without_use(measurement, own))
+    caveats = (*measurement.copies(), *labels, *_disagreeing(measurement, own), *_unlike_stored(before, averaged), *_without_use(measurement, own, values))
     return Addition(tuple(own), tuple(values), caveats, bool(session.ladder) and not _same_repeats(before, measurement))
 
 
@@ -254,14 +254,17 @@ DISAGREEING = 0.02
 OF_NOISE = 3.0
 
 
-def _without_use(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> list[str]:
-    """A sentence for each new sweep under a condition that the diagnosis cannot use."""
+def _without_use(measurement: Measurement, new: Sequence[ImpedanceSweep], values: Sequence[SingleValue]) -> list[str]:
+    """A sentence for each new sweep under a condition, and each new value, that the diagnosis cannot use."""
     added = {(sweep.condition, sweep.termination) for sweep in new}
-    return [
-        f"{one.condition}: the {one.sweep.termination} sweep is stored, but a diagnosis does not use it: {why}"
-        for one, why in without_use(measurement)
-        if (one.condition, one.sweep.termination) in added
-    ]
+    told = []
+    for one, why in without_use(measurement):
+        unused = f"stored, but a diagnosis does not use it: {why}"
+        if isinstance(one, SingleValue):
+            told += [f"{one.name}: the value is {unused}"] if one in values else []
+        elif (one.condition, one.sweep.termination) in added:
+            told.append(f"{one.condition}: the {one.sweep.termination} sweep is {unused}")
+    return told
 
 
 def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> list[str]:
@@ -332,7 +335,7 @@ def prepared(
         own = [sweep.with_metadata(analyser=named) for sweep in own]
     chain = options.corrections
     corrected = [chain.corrected_spectrum(item) for item in spectra]
-    measurement = Measurement.of([chain.corrected_sweep(sweep) for sweep in own]) if own else None
+    measurement = Measurement.of([chain.corrected_sweep(sweep) for sweep in own], values=values) if own else None
     start = {
         "title": f"Imported: {options.motor}" if options.motor else "Imported sweeps",
         "motor": options.motor,
@@ -344,7 +347,7 @@ def prepared(
         "analyser": None if measurement is None else measurement.analyser.name,
         "analyser_assumed": measurement is not None and named is None and not any(sweep.metadata.get("analyser") for sweep in own),
     }
-    caveats = [] if measurement is None else measurement.caveats()
+    caveats = [] if measurement is None else [*measurement.caveats(), *_without_use(measurement, own, values)]
     caveats += chain.remarks()
     caveats += import_notes(spectra)
     return Import(tuple(own), tuple(spectra), tuple(corrected), start, tuple(caveats), tuple(observations(corrected)), options.limit, tuple(values))

@@ -229,3 +229,12 @@ def test_sweeps_under_a_condition_that_a_diagnosis_cannot_use_are_told(tmp_path:
     (told,) = notes(appended(session, *written(tmp_path, "lifted", sweep), "--condition", "brushes-lifted"))
     assert told.endswith("a diagnosis does not use it: how the effects respond to it is not known")
     assert notes(appended(session, *written(tmp_path, "hot", *both(warmer_kelvin=30)), "--condition", "second-temperature=54degC")) == []
+
+
+def test_a_value_that_a_diagnosis_cannot_use_is_told(tmp_path: Path) -> None:
+    session, files = tmp_path / "s", written(tmp_path, "first", winding("short"))
+    assert not any("dc-resistance" in note for note in notes(motoremi("import", session, *files, "--value", "dc-resistance=0.8ohm")))
+    assert notes(appended(session, "--value", "insulation-resistance=2Gohm")) == [
+        "note: insulation-resistance: the value is stored, but a diagnosis does not use it: the session has no open sweep of the motor as it is to "
+        "compare it with"
+    ]

@@ -181,22 +181,25 @@ class Quantity:
     ----------
     setting : Setting
     meaning : str
+    termination : {"short", "open"} or None
+        Of the sweep without which no model tells the value; None if any will do.
     relative, absolute : float
         Uncertainty if none is given: `relative` times the value plus `absolute`.
     """
 
     setting: Setting
     meaning: str
+    termination: str | None
     relative: float
     absolute: float = 0.0
 
 
 VALUES: Mapping[str, Quantity] = {
-    "dc-resistance": Quantity(Setting("Ohm", 1e-6, 1e7, "21.3mohm"), "the winding's resistance at DC, with four wires", 0.005),
-    "insulation-resistance": Quantity(Setting("Ohm", 1.0, 1e16, "2Gohm"), "winding to frame at DC", 0.1),
-    "capacitance-1khz": Quantity(Setting("F", 1e-14, 1e-3, "320pF"), "winding to frame at 1 kHz", 0.01),
-    "tan-delta-1khz": Quantity(Setting("", 1e-6, 10.0, "0.012"), "loss factor of winding to frame at 1 kHz", 0.05, 0.001),
-    "lead-length": Quantity(Setting("m", 1e-3, 100.0, "0.3m"), "test lead between fixture and terminal, on the way to the motor alone", 0.1),
+    "dc-resistance": Quantity(Setting("Ohm", 1e-6, 1e7, "21.3mohm"), "the winding's resistance at DC, with four wires", "short", 0.005),
+    "insulation-resistance": Quantity(Setting("Ohm", 1.0, 1e16, "2Gohm"), "winding to frame at DC", "open", 0.1),
+    "capacitance-1khz": Quantity(Setting("F", 1e-14, 1e-3, "320pF"), "winding to frame at 1 kHz", "open", 0.01),
+    "tan-delta-1khz": Quantity(Setting("", 1e-6, 10.0, "0.012"), "loss factor of winding to frame at 1 kHz", "open", 0.05, 0.001),
+    "lead-length": Quantity(Setting("m", 1e-3, 100.0, "0.3m"), "test lead between fixture and terminal, on the way to the motor alone", None, 0.1),
 }
 
 

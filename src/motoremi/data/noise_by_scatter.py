@@ -32,7 +32,7 @@ ROUNDS = 6
 # With fewer points, the scatter may be that of the curve: then the noise is not assumed to be larger than the second number, which no usable
 # analyser exceeds.
 COARSE, MOST_OF_COARSE = 30, 0.03
-# Points, about, that the law is fitted to: its three parts need no more, and a hundred thousand would take half a minute.
+# Points, about, that are examined: law and correction change slowly, and a hundred thousand would take half a minute.
 ENOUGH = 1500
 
 
@@ -50,21 +50,20 @@ def noise_by_scatter(frequency_hz: FloatArray, domain: Domain) -> FloatArray:
     """
     count = frequency_hz.size
     width = min(WINDOW, count)
-    windows = np.clip(np.arange(count) - width // 2, 0, count - width)[:, None] + np.arange(width)
+    at = np.arange(0, count, max(count // ENOUGH, 1))
+    windows = np.clip(at - width // 2, 0, count - width)[:, None] + np.arange(width)
     freedom = KEPT * 2 * (width - COEFFICIENTS)
     # Quantiles of chi-squared.
     median, largest = (2 * gammaincinv(freedom / 2, share) for share in (0.5, USED))
 
-    sigma, at = np.ones(count), np.arange(0, count, max(count // ENOUGH, 1))
-    equations, size = _equations(frequency_hz, domain.rational, windows[at], at)
+    sigma = np.ones(count)
+    equations, size = _equations(frequency_hz, domain.rational, windows, at)
     for _ in range(ROUNDS):
-        squares = _squares(equations, (sigma * domain.of_rational)[windows[at]] / size)
+        squares = _squares(equations, (sigma * domain.of_rational)[windows] / size)
         used = squares <= largest * max(float(np.median(squares)) / median, 1.0)
         sigma = np.sqrt(fitted_by_law((squares / freedom * sigma[at] ** 2)[used], domain.law, at[used]))
-    if at.size < count:
-        equations, size = _equations(frequency_hz, domain.rational, windows, np.arange(count))
     squares = _squares(equations, (sigma * domain.of_rational)[windows] / size)
-    typical = median_filter(squares, size=min(NEIGHBOURS, count), mode="nearest") / median
+    typical = np.interp(np.arange(count), at, median_filter(squares, size=min(NEIGHBOURS, at.size), mode="nearest") / median)
     sigma = np.maximum(sigma * np.sqrt(np.minimum(typical, MOST_CORRECTED)), SMALLEST_SIGMA)
     return np.minimum(sigma, MOST_OF_COARSE) if count < COARSE else sigma
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from motoremi.arrays import FloatArray
-from motoremi.data.conditions import NEXT_TO_NOTHING, Condition
+from motoremi.data.conditions import NEXT_TO_NOTHING, VALUES, Condition, SingleValue
 from motoremi.data.measurement import Conditioned, Measurement
 from motoremi.data.noise import Noise
 from motoremi.data.sweep import RepeatedSweep
@@ -21,6 +21,7 @@ POINTS = 100
 POINTS_AHEAD = 40
 # A point with more noise than this is not used, except of a shorting bar and an open fixture, whose impedance or admittance is near zero.
 LARGEST_NOISE = 0.3
+_NOTHING_TO_COMPARE = "the session has no {} sweep of the motor as it is to compare it with"
 
 
 def by_condition(measurement: Measurement) -> list[tuple[Option, list[Observed]]]:
@@ -36,17 +37,21 @@ def by_condition(measurement: Measurement) -> list[tuple[Option, list[Observed]]
     return found
 
 
-def without_use(measurement: Measurement) -> list[tuple[Conditioned, str]]:
-    """Sweeps under conditions that tell nothing about the explanations, each with the reason."""
-    found = []
+def without_use(measurement: Measurement) -> list[tuple[Conditioned | SingleValue, str]]:
+    """Sweeps under conditions and single values that tell nothing about the explanations, each with the reason."""
+    found: list[tuple[Conditioned | SingleValue, str]] = []
     for one in measurement.conditioned:
         option, termination = BY_NAME.get(one.condition.id), one.sweep.termination
         if option is None or not option.predicted:
             found.append((one, "how the effects respond to it is not known"))
         elif _reference(measurement, termination) is None:
-            found.append((one, f"the session has no {termination} sweep of the motor as it is to compare it with"))
+            found.append((one, _NOTHING_TO_COMPARE.format(termination)))
         elif _observed(one, option, measurement) is None:
             found.append((one, f"it has less than two usable points at the frequencies of the {termination} sweep of the motor as it is"))
+    for value in measurement.values:
+        needed = VALUES[value.name].termination
+        if needed not in (None, *measurement.terminations):
+            found.append((value, _NOTHING_TO_COMPARE.format(needed)))
     return found
 
 

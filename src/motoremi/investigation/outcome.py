@@ -19,7 +19,7 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from motoremi.data.analyser import error_basis
-from motoremi.data.conditions import NEXT_TO_NOTHING, Condition, SingleValue
+from motoremi.data.conditions import NEXT_TO_NOTHING, VALUES, Condition, SingleValue
 from motoremi.data.kernels import logarithm, slope, smooth_basis
 from motoremi.fitting.problem import behind_fixture, residual_parameters
 from motoremi.fitting.result import Fit
@@ -471,8 +471,7 @@ class ValueOutcome:
     @property
     def known(self) -> bool:
         """Whether the model determines the value."""
-        needed = "short" if self.value.name == "dc-resistance" else "open"
-        return self.value.name == "lead-length" or needed in self.fit.measurement.terminations
+        return VALUES[self.value.name].termination in (None, *self.fit.measurement.terminations)
 
     def residual(self, mean: FloatArray) -> FloatArray:
         """Data less a prediction."""
