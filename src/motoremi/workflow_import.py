@@ -199,7 +199,8 @@ def addition(
     labels = [remark for remark in label_remarks(measurement.sweeps) if remark not in known]
     left_out = {name for sweep in measurement.sweeps for name in sweep.left_out}
     averaged = [sweep for sweep in corrected if sweep.metadata.get("source") not in left_out]
-    caveats = (*measurement.copies(), *labels, *_disagreeing(measurement, own), *_unlike_stored(before, averaged), *_without_use(measurement, own, values))
+    unlike = (*_disagreeing(measurement, own), *_unlike_stored(before, averaged))
+    caveats = (*measurement.copies(), *labels, *unlike, *_without_use(measurement, own, values))
     return Addition(tuple(own), tuple(values), caveats, bool(session.ladder) and not _same_repeats(before, measurement))
 
 

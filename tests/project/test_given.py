@@ -81,7 +81,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "compare with a number": (lambda: me.compare(fitted(), 5), "a tolerance is a Tolerance(error_percent=5)"),
     "compare of sweeps": (lambda: me.compare([sweep()]), "compare needs a Fit"),
     "tolerance of text": (lambda: me.Tolerance("5"), "the tolerance error_percent must be a number"),
-    "diagnose with a number as map": (lambda: me.diagnose(fitted(), map=2), "map must be a function such as the built-in map, or Executor.map, not a "),
+    "diagnose with a number as map": (lambda: me.diagnose(fitted(), map=2), "map must be a function such as the built-in map"),
     "diagnose of sweeps": (lambda: me.diagnose([sweep()]), "diagnose needs a Fit, not a value of type list"),
     "inspect of sweeps": (lambda: me.inspect([sweep()], "La"), "inspect needs a Fit"),
     "spice of sweeps": (lambda: me.spice_model([sweep()]), "spice_model needs a Fit"),

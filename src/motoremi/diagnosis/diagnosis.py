@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -296,8 +296,8 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
     Diagnosis
     """
     refuse_other(fit, Fit, "diagnose needs a Fit")
-    if map is not None:
-        refuse_other(map, Callable, "map must be a function such as the built-in map, or Executor.map")
+    if map is not None and not callable(map):
+        raise BadInput("map must be a function such as the built-in map, or Executor.map")
     search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
     with own_processes() if map is None else nullcontext(map) as each:
         if any(contradicts(fit.measurement) is not None for contradicts in (wrong_phase_in, exchanged_in, the_same_twice)):
