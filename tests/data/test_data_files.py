@@ -105,8 +105,8 @@ def test_native_resistance_and_reactance(tmp_path: Path, parameter: str) -> None
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (native("ADMITTANCE MAG PHASE (DEG)", R, X), "ADMITTANCE"),
-        (native("LS Q", R, X), "LS Q"),
+        (native("IMPEDANCE MAG LS", R, X), "IMPEDANCE MAG LS"),
+        (native("COMPLEX Z Y", R, X), "COMPLEX Z Y"),
         (native("", R, X), "R and X"),
         (native("R X", R, X, points=10), "10 points"),
         (native("R X", R, X[:-1]), "trace B has 8"),

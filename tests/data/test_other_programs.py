@@ -50,6 +50,13 @@ def check(path: Path, kind: str, read_as: str, rtol: float = 1e-6) -> None:
         ("CS-RS", -1 / (W * Z.imag), Z.real, "Cs and Rs"),
         ("LS-RS", Z.imag / W, Z.real, "Ls and Rs"),
         ("LP-RP", -1 / (W * Y.imag), 1 / Y.real, "Lp and Rp"),
+        ("LP-G", -1 / (W * Y.imag), Y.real, "Lp and G"),
+        ("LP-Q", -1 / (W * Y.imag), np.abs(Y.imag / Y.real), "Lp and Q"),
+        ("LS-Q", Z.imag / W, np.abs(Z.imag / Z.real), "Ls and Q"),
+        ("CS-Q", -1 / (W * Z.imag), np.abs(Z.imag / Z.real), "Cs and Q"),
+        ("CP-Q", Y.imag / W, np.abs(Y.imag / Y.real), "Cp and Q"),
+        ("ADMITTANCE MAG PHASE (DEG)", np.abs(Y), np.angle(Y, deg=True), "|Y| and phase"),
+        ("ADMITTANCE MAG PHASE (RAD)", np.abs(Y), np.angle(Y), "|Y| and phase"),
     ],
 )
 def test_traces_of_a_4294a(tmp_path: Path, parameter: str, first: np.ndarray, second: np.ndarray, read_as: str) -> None:

@@ -23,18 +23,19 @@ _R_AND_X = (
     {"IMPEDANCE", "RESISTANCE", "REACTANCE"},
     {"IMPEDANCE", "REAL", "IMAG"},
 )
-# The same for other pairs of parameters, whose spelling in files is unconfirmed: words, and meanings of traces A and B.
-_OTHER_PAIRS = (
-    ({"G", "B"}, ("conductance", "susceptance")),
-    ({"ADMITTANCE", "G", "B"}, ("conductance", "susceptance")),
-    ({"CP", "D"}, ("parallel_capacitance", "dissipation_factor")),
-    ({"CP", "G"}, ("parallel_capacitance", "conductance")),
-    ({"CP", "RP"}, ("parallel_capacitance", "parallel_resistance")),
-    ({"CS", "D"}, ("series_capacitance", "dissipation_factor")),
-    ({"CS", "RS"}, ("series_capacitance", "series_resistance")),
-    ({"LS", "RS"}, ("series_inductance", "series_resistance")),
-    ({"LP", "RP"}, ("parallel_inductance", "parallel_resistance")),
-)
+# Quantities of other pairs, by their names in the analyser's menu MEASURE (Operation Manual); the spelling in files is unconfirmed.
+_QUANTITIES = {
+    "G": "conductance",
+    "B": "susceptance",
+    "Q": "quality_factor",
+    "D": "dissipation_factor",
+    "LS": "series_inductance",
+    "CS": "series_capacitance",
+    "RS": "series_resistance",
+    "LP": "parallel_inductance",
+    "CP": "parallel_capacitance",
+    "RP": "parallel_resistance",
+}
 _VALUE_TITLE = "Data Trace Real"
 # Names of adapters in the header, from the table on page 54 of the Programming Manual; the spelling in files is unconfirmed.
 _ADAPTERS = {"1M": "1m", "2M": "2m", "42942": "42942a", "42941": "42941a"}
@@ -123,16 +124,19 @@ def _values(trace: _Trace, letter: str, name: str) -> tuple[FloatArray, FloatArr
 
 def _impedance(parameter: str, frequency: FloatArray, first: FloatArray, second: FloatArray, name: str) -> tuple[ComplexArray, str]:
     words = set(re.findall(r"[A-Z]+", parameter.upper()))
-    if "ADMITTANCE" not in words and {"MAG", "PHASE"} <= words and len(words & {"DEG", "RAD"}) == 1:
-        if np.any(first < 0):
-            raise BadInput(f"{name}: a magnitude is below 0")
-        phase = np.deg2rad(second) if "DEG" in words else second
-        return np.asarray(first * np.exp(1j * phase), dtype=np.complex128), "|Z| and phase"
     if words in _R_AND_X:
         return np.asarray(first + 1j * second, dtype=np.complex128), "R and X"
-    for those, meanings in _OTHER_PAIRS:
-        if words == those:
-            pair = next(pair for pair in PAIRS if (pair.first, pair.second) == meanings)
+    own = words - {"IMPEDANCE", "ADMITTANCE"}
+    if own in ({"MAG", "PHASE", "DEG"}, {"MAG", "PHASE", "RAD"}):
+        if np.any(first < 0):
+            raise BadInput(f"{name}: a magnitude is below 0")
+        meanings = {"admittance", "admittance_phase"} if "ADMITTANCE" in words else {"magnitude", "phase"}
+        second = np.rad2deg(second) if "RAD" in own else second
+    else:
+        meanings = {_QUANTITIES.get(word, word) for word in own}
+    for pair in PAIRS:
+        # Trace A holds the quantity that the menu, and a pair, names first.
+        if {pair.first, pair.second} == meanings:
             with np.errstate(all="ignore"):
                 return pair.impedance(2 * np.pi * frequency, first, second), pair.title
     raise BadInput(

@@ -106,6 +106,7 @@ PAIRS = (
     Pair("parallel_inductance", "parallel_resistance", "Lp and Rp", lambda w, inductance, r: 1 / _rectangular(w, 1 / r, -1 / (w * inductance))),
     Pair("parallel_capacitance", "parallel_resistance", "Cp and Rp", lambda w, c, r: 1 / _rectangular(w, 1 / r, w * c)),
     Pair("parallel_capacitance", "conductance", "Cp and G", lambda w, c, g: 1 / _rectangular(w, g, w * c)),
+    Pair("parallel_inductance", "conductance", "Lp and G", lambda w, inductance, g: 1 / _rectangular(w, g, -1 / (w * inductance))),
     Pair("series_inductance", "quality_factor", "Ls and Q", lambda w, inductance, q: _series(w, w * inductance, _unsigned(inductance, 1 / q))),
     Pair("series_inductance", "dissipation_factor", "Ls and D", lambda w, inductance, d: _series(w, w * inductance, _unsigned(inductance, d))),
     Pair("series_capacitance", "quality_factor", "Cs and Q", lambda w, c, q: _series(w, -1 / (w * c), _unsigned(c, 1 / q))),
