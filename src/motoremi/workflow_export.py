@@ -70,8 +70,9 @@ class Exporter:
 
     def hdf5(self) -> Exported:
         """Sweeps, spectra, model and analyses."""
+        finals = ", final scans" if self._session.finals else ""
         values = ", single values" if self._session.values else ""
-        what = f"sweeps{self._under_conditions}, spectra{values}, analyses"
+        what = f"sweeps{self._under_conditions}, spectra{finals}{values}, analyses"
         return Exported(hdf5_bytes(self._session, self._fit), self._with_model(what, ", model") + self._not_used)
 
     def _table(self) -> str:

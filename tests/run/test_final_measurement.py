@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -17,6 +18,8 @@ from motoremi.data.spectrum import Spectrum
 from motoremi.emission.finals import Rules, choose_maxima, final_values, judge_finals
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput, InstrumentError
+from motoremi.export.hdf5 import hdf5_bytes
+from motoremi.export.tables import to_xarray
 from motoremi.run.rehearsal import rehearse
 from motoremi.run.rerun import rerun
 from motoremi.run.resume import Done
@@ -74,6 +77,22 @@ def test_maxima_are_chosen_by_margin_to_the_limit_not_by_level() -> None:
     chosen, more = choose_maxima([prescan], quasi_peak_only, Rules(maxima=1))
     assert [round(one.frequency_hz / 1e6, 2) for one in chosen] == [10.0]
     assert (chosen[0].margin_db, more) == (pytest.approx(2.0), 1)
+
+
+def test_exports_contain_the_scans_of_the_final_measurement(whole: tuple[Session, list[str]], tmp_path: Path) -> None:
+    session, _ = whole
+    assert session.finals
+    (tmp_path / "s.h5").write_bytes(hdf5_bytes(session, None))
+    arrays = to_xarray(session)
+    with h5py.File(tmp_path / "s.h5") as file:
+        assert len(file["finals"]) == len(session.finals)
+        for number, final in enumerate(session.finals, start=1):
+            group = file[f"finals/{number}"]
+            np.testing.assert_array_equal(group["reading_dbuv"], final.level_dbuv)
+            assert group.attrs["detector"] == final.detector
+            added_db = session.corrections.added_db("receiver", final.frequency_hz)
+            np.testing.assert_array_equal(group["level_dbuv"], final.level_dbuv + added_db)
+            np.testing.assert_array_equal(arrays[f"final_{number}_dbuv"], group["level_dbuv"])
 
 
 def test_background_is_no_prescan_and_a_prescan_is_needed() -> None:

@@ -119,6 +119,11 @@ class Session:
         return tuple(self.corrections.corrected_spectrum(spectrum) for spectrum in self.spectra)
 
     @property
+    def corrected_finals(self) -> tuple[Spectrum, ...]:
+        """The short scans of a final measurement with corrected levels; `finals` holds the readings."""
+        return tuple(self.corrections.corrected_spectrum(spectrum) for spectrum in self.finals)
+
+    @property
     def simulated(self) -> bool:
         """Whether any data come from a simulated bench, measured in this session or imported from files."""
         headers = [self.start, *(sweep.metadata for sweep in (*self.sweeps, *self.conditioned))]

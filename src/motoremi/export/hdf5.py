@@ -15,8 +15,9 @@ from motoremi.fitting.result import Fit
 def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
     """Groups `sweeps/<termination>-<repeat>`, `spectra/<number>`, `model/<termination>` and `analysis/<name>` (JSON text).
 
-    Sweeps under a condition are `conditions/<number>/<termination>-<repeat>`, with the condition as attributes of `conditions/<number>`; values
-    from other meters are `values/<number>`, with attributes for name, unit and standard deviation.
+    Short scans of a final measurement are `finals/<number>`, with the same content as `spectra/<number>`. Sweeps under a condition are
+    `conditions/<number>/<termination>-<repeat>`, with the condition as attributes of `conditions/<number>`; values from other meters are
+    `values/<number>`, with attributes for name, unit and standard deviation.
 
     Impedances are complex datasets in ohm; the attribute `metadata` of each group holds its metadata as JSON.
 
@@ -46,13 +47,17 @@ def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
         for number, value in enumerate(session.values, start=1):
             file[f"values/{number}"] = value.value_si
             file[f"values/{number}"].attrs.update(name=value.name, unit=value.unit, sigma=value.sigma)
-        for number, (spectrum, read) in enumerate(zip(session.corrected_spectra, session.spectra, strict=True), start=1):
-            group = file.create_group(f"spectra/{number}")
-            group["reading_dbuv"] = read.level_dbuv
-            group["frequency_hz"], group["level_dbuv"], group["overload"] = spectrum.frequency_hz, spectrum.level_dbuv, spectrum.overload
-            group.attrs["detector"] = spectrum.detector
-            group.attrs["resolution_bandwidth_hz"] = spectrum.resolution_bandwidth_hz
-            group.attrs["metadata"] = to_page(spectrum.metadata)
+        for place, corrected, readings in (
+            ("spectra", session.corrected_spectra, session.spectra),
+            ("finals", session.corrected_finals, session.finals),
+        ):
+            for number, (spectrum, read) in enumerate(zip(corrected, readings, strict=True), start=1):
+                group = file.create_group(f"{place}/{number}")
+                group["reading_dbuv"] = read.level_dbuv
+                group["frequency_hz"], group["level_dbuv"], group["overload"] = spectrum.frequency_hz, spectrum.level_dbuv, spectrum.overload
+                group.attrs["detector"] = spectrum.detector
+                group.attrs["resolution_bandwidth_hz"] = spectrum.resolution_bandwidth_hz
+                group.attrs["metadata"] = to_page(spectrum.metadata)
         if fit is not None:
             for repeated in fit.measurement.sweeps:
                 group = file.create_group(f"model/{repeated.termination}")

@@ -95,8 +95,9 @@ def parquet_bytes(session: Session, fit: Fit | None) -> bytes:
 def to_xarray(session: Session) -> xr.Dataset:
     """Sweeps as labelled arrays: `short_ohm` and `open_ohm` over `repeat` and their own frequencies, spectra over theirs.
 
-    Sweeps under a condition are `condition_1_short_ohm` and so on, with attributes that name the condition; values from other meters are
-    `value_1` and so on, with attributes for name, unit and standard deviation.
+    Spectra are `spectrum_1_dbuv` and so on, short scans of a final measurement `final_1_dbuv`. Sweeps under a condition are
+    `condition_1_short_ohm` and so on, with attributes that name the condition; values from other meters are `value_1` and so on, with attributes
+    for name, unit and standard deviation.
 
     Raises
     ------
@@ -112,7 +113,8 @@ def to_xarray(session: Session) -> xr.Dataset:
     named = [("", None), *((f"condition_{number}_", condition) for number, condition in enumerate(conditions, start=1))]
     for prefix, condition in named:
         own = [sweep for sweep in (*session.corrected_sweeps, *session.corrected_conditioned) if sweep.condition == condition]
-        for group in group_repeats(own):
+        # An emission test may have no sweep.
+        for group in group_repeats(own) if own else ():
             name = f"{prefix}{group.termination}"
             axis = f"{name}_frequency_hz"
             arrays[f"{name}_ohm"] = xr.DataArray(
@@ -123,10 +125,12 @@ def to_xarray(session: Session) -> xr.Dataset:
             )
     for number, value in enumerate(session.values, start=1):
         arrays[f"value_{number}"] = xr.DataArray(value.value_si, attrs={"name": value.name, "units": value.unit, "sigma": value.sigma})
-    for number, spectrum in enumerate(session.corrected_spectra, start=1):
-        axis = f"spectrum_{number}_frequency_hz"
-        attributes = {"detector": spectrum.detector, "resolution_bandwidth_hz": spectrum.resolution_bandwidth_hz}
-        arrays[f"spectrum_{number}_dbuv"] = xr.DataArray(spectrum.level_dbuv, dims=(axis,), coords={axis: spectrum.frequency_hz}, attrs=attributes)
+    for kind, spectra in (("spectrum", session.corrected_spectra), ("final", session.corrected_finals)):
+        for number, spectrum in enumerate(spectra, start=1):
+            axis = f"{kind}_{number}_frequency_hz"
+            attributes = {"detector": spectrum.detector, "resolution_bandwidth_hz": spectrum.resolution_bandwidth_hz}
+            coordinates = {axis: spectrum.frequency_hz}
+            arrays[f"{kind}_{number}_dbuv"] = xr.DataArray(spectrum.level_dbuv, dims=(axis,), coords=coordinates, attrs=attributes)
     return xr.Dataset(arrays, attrs={"session": session.path.name, "simulated": int(session.simulated)})
 
 
