@@ -538,3 +538,30 @@ def test_a_step_of_the_range_does_not_hide_what_is_missing_beside_it():
     assert decided(bare.fit, found).named == ("cable-delay",)  # type: ignore[arg-type]
     del found[("cable-delay",)]
     assert not decided(bare.fit, found).accepted  # type: ignore[arg-type]
+
+
+def composite_inductor(analyser_sigma: float = 30.0) -> dict[tuple[str, ...], SimpleNamespace]:
+    """Of a maker's table, between two ports, on an analyser that nobody named: a law of core loss lets the analyser take up more."""
+    return of(
+        model((), 0.0, 68.0, 67.0, analyser_sigma=analyser_sigma),
+        model(("core-loss",), 510.0, 6.45, 5.7, analyser_sigma=24.7),
+        model(("permeability-relaxation",), 500.0, 1.18, 0.66, analyser_sigma=9.3),
+    )
+
+
+def test_an_effect_that_leaves_less_comes_before_a_more_probable_one_that_leaves_per_cents():
+    found = composite_inductor()
+    assert Judgement(found[()].fit, found, believe(found)).acceptance == "mostly"  # type: ignore[arg-type]
+    assert decided(found[()].fit, found).named == ("permeability-relaxation",)  # type: ignore[arg-type]
+    found[("permeability-relaxation",)].fit.rms_error_percent = 4.0
+    assert decided(found[()].fit, found).named == ("core-loss",)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("base_sigma", "sigma", "told"), [(30.0, 1.0, True), (30.0, 5.0, False), (3.0, 1.0, False)])
+def test_an_effect_with_which_the_analyser_is_within_its_specification_is_told_beside_an_analyser_beyond_it(base_sigma, sigma, told):
+    core = describing(("permeability-relaxation",), 1.0)
+    core.fit.analyser_sigma, core.leaves_nothing = sigma, True
+    found = of(model((), 0.0, 6.8, 0.0, analyser_sigma=base_sigma), core, model(("core-loss",), 2.0, 2.9, 1.9, analyser_sigma=11.0))
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.named == ()
+    assert judgement.instead_of_the_analyser is (core if told else None)

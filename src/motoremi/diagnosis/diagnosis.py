@@ -537,7 +537,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("weak")
     if verdict == "adequate" and judgement.undecided and not of_the_analyser_alone(judgement.belief.named):
         kinds.append("adequate, a weak effect unnamed")
-    if verdict == "instrument" and judgement.belief.named and not named:
+    if verdict == "instrument" and not named and (judgement.belief.named or judgement.instead_of_the_analyser is not None):
         kinds.append("instrument, an effect unnamed")
     # A fixture without compensation is part of every model, so this finding lowers the confidence only if no model is accepted.
     if any(finding.serious and (finding.id != "not-compensated" or verdict == "unexplained") for finding in findings):
@@ -676,8 +676,14 @@ def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
     said = [f"the model describes the sweeps {rest} (error {percent(base.rms_error_percent, 2)}, {floor})"]
     if verdict == "instrument" and base.analyser_sigma > BEYOND_SIGMA:
         said.append(f"but only if the analyser errs by {base.analyser_sigma / 3:.2g} times its specification")
+    instead = judgement.instead_of_the_analyser
     if judgement.accurate:
         said.append(f"that is within the accuracy of {base.measurement.accuracy_percent:g} % that was stated for these data")
+    elif instead is not None and not judgement.belief.named:
+        said.append(
+            f"{instead.effect} would describe them too, with the analyser within its specification (the circuit would err by "
+            f"{percent(instead.fit.rms_error_percent, 2)}): these sweeps do not show which it is"
+        )
     elif judgement.belief.named:
         said.append(
             f"{' and '.join(judgement.belief.named)} would describe the rest, which is too small to matter or may be the analyser's: "

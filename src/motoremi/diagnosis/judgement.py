@@ -195,6 +195,14 @@ class Judgement:
         """Whether an effect is more probable than none but not named, because analyser errors describe the same."""
         return bool(self.belief.named) and not self.named and not self.accurate
 
+    @property
+    def instead_of_the_analyser(self) -> Candidate | None:
+        """If none is named and the analyser would have to err beyond its specification: the most probable effect with which it need not."""
+        if self.named or self.base.analyser_sigma <= BEYOND_SIGMA:
+            return None
+        singles = [one for key, one in self.found.items() if len(key) == 1 and one.leaves_nothing and not of_the_analyser_alone(key)]
+        return max((one for one in singles if one.fit.analyser_sigma <= SPECIFIED_SIGMA), key=lambda one: one.score, default=None)
+
     @cached_property
     def model(self) -> Candidate:
         """The accepted model: the base if no effect is named."""
@@ -540,7 +548,8 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
     if (single := judgement.of_singles_as_good) is not None:
         return single
     if judgement.accepted:
-        return judgement
+        closest = judgement.of_closest if judgement.acceptance == "mostly" and len(judgement.named) == 1 else None
+        return closest or judgement
     # If a larger set is not accepted and its further effects add little, the effect that does most is named and the rest stays undescribed.
     smaller = judgement.of_singles or judgement.of_none or judgement.of_closest
     return smaller or _without_steps(base, found, together, proven) or judgement
