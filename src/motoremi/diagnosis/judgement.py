@@ -214,7 +214,8 @@ class Judgement:
         found = acceptance_of(self.base, self.model.fit)
         unusual_single = len(self.model.added) == 1 and self.model.unusual and self.leaves_something
         # An effect with unusual values is not accepted if others come as close or much remains; if it has a family, the family is named.
-        poorly = unusual_single and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or self._as_close(*self.model.added))
+        as_close = unusual_single and any(map(self._is_as_close, self._in_place_of(*self.model.added).values()))
+        poorly = unusual_single and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or as_close)
         if (poorly and not any(self.belief.families.values())) or self._only_by_analyser_errors:
             return "not"
         # If most of the error is described but the rest exceeds what an impedance analyser can cause, more is missing. A law that is only
@@ -400,18 +401,24 @@ class Judgement:
         single = self.among(enough)
         return single if single.named and single.accepted else None
 
-    def _as_close(self, effect: str) -> Mapping[str, Candidate]:
-        """Models with another effect in the place of one of the accepted model's, by its name, whose circuit errs about as little."""
-        limit = ALIKE * self.model.fit.rms_error_percent
-        rivals = {name: self.found[key] for name, key in in_place_of(effect, self.model.added, self.found).items()}
-        return {name: one for name, one in rivals.items() if one.fit.rms_error_percent <= limit}
+    def _in_place_of(self, effect: str) -> Mapping[str, Candidate]:
+        """Models with another effect in the place of one of the accepted model's, by its name."""
+        return {name: self.found[key] for name, key in in_place_of(effect, self.model.added, self.found).items()}
+
+    def _is_as_close(self, one: Candidate) -> bool:
+        """Whether another circuit errs about as little as the accepted model's."""
+        return one.fit.rms_error_percent <= ALIKE * self.model.fit.rms_error_percent
 
     def _alike(self, effect: str) -> Key:
-        """Effects that do about as well in the place of an accepted one, beside others only with usual values; the most probable first."""
+        """Effects that do about as well in the place of an accepted one, beside others only with usual values; the most probable first.
+
+        Circuits that err by no more than noise and specification would leave are about equally good.
+        """
         limit = ALIKE * self.model.fit.unexplained_percent["value"]
-        rivals = self._as_close(effect)
-        alike = [name for name, one in rivals.items() if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) > 1 and one.unusual)]
-        return tuple(sorted(alike, key=lambda name: -rivals[name].score))
+        rivals = self._in_place_of(effect)
+        close = {name: one for name, one in rivals.items() if self._is_as_close(one) or _is_within(one.fit)}
+        alike = [name for name, one in close.items() if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) > 1 and one.unusual)]
+        return tuple(sorted(alike, key=lambda name: -close[name].score))
 
     @property
     def of_none(self) -> Judgement | None:
