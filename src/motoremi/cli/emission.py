@@ -84,6 +84,7 @@ def diagnose_spectra(path: Path, from_base: bool, as_json: bool) -> None:
     """`motoremi diagnose SESSION --emission`."""
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, quoted, say
+    from motoremi.diagnosis.belief import after_verdict
     from motoremi.workflow import opened
     from motoremi.workflow_emission import diagnose_emission_session
 
@@ -96,9 +97,8 @@ def diagnose_spectra(path: Path, from_base: bool, as_json: bool) -> None:
     say("  evidence (best first):")
     for candidate in result.candidates:
         name = candidate.effect.name
-        say(
-            f"    {name:20s} p {result.probabilities[name]:<9.3g} chi2 {candidate.fit.chi2_reduced:<8.3g} error {candidate.fit.rms_error_db:.2f} dB"
-        )
+        probability = after_verdict(result.probabilities[name], result.verdict, result.confidence)
+        say(f"    {name:20s} p {probability:<9.3g} chi2 {candidate.fit.chi2_reduced:<8.3g} error {candidate.fit.rms_error_db:.2f} dB")
     if result.effects:
         say(f"next: motoremi add {quoted(path)} {' '.join(result.effects)}")
 

@@ -465,6 +465,7 @@ def diagnose_(
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.emission import diagnose_spectra
     from motoremi.cli.output import emit_json, quoted, say
+    from motoremi.diagnosis.belief import after_verdict
     from motoremi.model.effects.names import as_sum
     from motoremi.quantities import show_band
     from motoremi.workflow import diagnose_session, opened
@@ -484,7 +485,8 @@ def diagnose_(
         say(f"  fails: {span['sweep']} {show_band(*span['band_hz'])}, {share}")
     say("  evidence of single effects (best first):")
     for candidate in result.candidates[:6]:
-        say(f"    {candidate.effect:28s} p {result.probabilities[candidate.effect]:<9.3g} {_errors(candidate.fit)}  {candidate.describe()}")
+        probability = after_verdict(result.probabilities[candidate.effect], result.verdict, result.confidence)
+        say(f"    {candidate.effect:28s} p {probability:<9.3g} {_errors(candidate.fit)}  {candidate.describe()}")
     if len(result.effects) > 1:
         say(f"  together: {as_sum(result.effects)}  {_errors(result.best)}")
     if result.effects:

@@ -192,6 +192,11 @@ def _agrees(key: list[str], places: list[set[str]]) -> bool:
     return any(name in places[0] and _agrees(key[:at] + key[at + 1 :], places[1:]) for at, name in enumerate(key))
 
 
+def after_verdict(probability: float, verdict: str, confidence: float) -> float:
+    """The probability of something that was found; after the verdict "unexplained", at most the probability that the verdict is wrong."""
+    return probability * (1.0 - confidence if verdict == "unexplained" else 1.0)
+
+
 def acceptance_of(base: Fit, best: Fit) -> Acceptance:
     """Whether the remaining error of a model is small enough to accept the model."""
     if best.analyser_sigma > NO_ANALYSER_SIGMA:

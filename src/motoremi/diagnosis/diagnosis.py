@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.belief import RELIABLE
+from motoremi.diagnosis.belief import RELIABLE, after_verdict
 from motoremi.diagnosis.candidates import Candidate, large_elements, possible_effects
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key, best_of
@@ -253,7 +253,8 @@ class Diagnosis:
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{html.escape(c.effect)}</td><td>{self.probabilities[c.effect]:.3g}</td><td>{percent(c.fit.rms_error_percent)}</td>"
+            f"<tr><td>{html.escape(c.effect)}</td><td>{after_verdict(self.probabilities[c.effect], self.verdict, self.confidence):.3g}</td>"
+            f"<td>{percent(c.fit.rms_error_percent)}</td>"
             f"<td>{percent(c.fit.unexplained_percent['value'], 2)}</td><td>{html.escape(c.describe())}</td></tr>"
             for c in self.candidates[:8]
         )

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, TypeAlias
 
 from motoremi.arrays import JsonDict
+from motoremi.diagnosis.belief import after_verdict
 from motoremi.emission.judge import levels_in_words
 from motoremi.fitting.result import Fit
 from motoremi.quantities import percent, percent_span, show_band
@@ -67,9 +68,8 @@ def in_words(diagnosis: JsonDict) -> str:
 
 
 def probability_of(candidate: JsonDict, diagnosis: JsonDict) -> float:
-    """The probability of an effect or a set of effects; after the verdict "unexplained", at most the probability that the verdict is wrong."""
-    left = 1.0 - float(diagnosis["confidence"]) if diagnosis["verdict"] == "unexplained" else 1.0
-    return left * float(candidate["probability"])
+    """The probability of an effect or a set of effects that a stored diagnosis holds."""
+    return after_verdict(float(candidate["probability"]), str(diagnosis["verdict"]), float(diagnosis["confidence"]))
 
 
 def in_symbols(text: str) -> str:
