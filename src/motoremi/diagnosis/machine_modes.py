@@ -7,12 +7,13 @@ and a core, leads or terminals with seven to sixteen modes beside them 2 to 5 %.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, Effects, candidate, own_labels, possible_effects
 from motoremi.diagnosis.ladder_step import further
-from motoremi.diagnosis.whole_machine import falling, nearest, steps_to
-from motoremi.fitting.fit import MODES
+from motoremi.diagnosis.whole_machine import by_need, falling, nearest
+from motoremi.fitting.fit import MODES, on_all_points
 from motoremi.fitting.race import Trail
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Solution
@@ -45,7 +46,7 @@ def machine_with_modes(base: Fit, whole: Candidate | None, each: Map = map, prog
     possible = set(possible_effects(base)) - set(base.effects)
     sets = {tuple(sorted(name for name in names if name in possible)) for names in (*ORDINARY, () if whole is None else whole.added)}
     jobs = [job for names in sorted(sets) if names for job in _beginnings(base, names, each)]
-    return candidate(_least(jobs, each, progress)[-1], base) if jobs else None
+    return candidate(_least(jobs, each, progress).steps[-1], base) if jobs else None
 
 
 def added_with_modes(base: Fit, names: Effects, each: Map = map, progress: Progress | None = None) -> list[Fit]:
@@ -56,7 +57,8 @@ def added_with_modes(base: Fit, names: Effects, each: Map = map, progress: Progr
     BadInput
         If an effect is unknown, cannot be added, or is given twice.
     """
-    return _least(_beginnings(base, names, each), each, progress)
+    best = _least(_beginnings(base, names, each), each, progress)
+    return [*falling(base, [*each(on_all_points, best.fewer), best.steps[0]]), *best.steps[1:]]
 
 
 def machine_in_words(whole: Candidate) -> list[str]:
@@ -78,20 +80,37 @@ def _beginnings(base: Fit, names: Effects, each: Map) -> list[tuple[Fit, Trail, 
     return [(base, *found) for found in nearest(base, names, each)[:BEGINNINGS]]
 
 
-def _least(jobs: Sequence[tuple[Fit, Trail, Solution]], each: Map, progress: Progress | None) -> list[Fit]:
+def _least(jobs: Sequence[tuple[Fit, Trail, Solution]], each: Map, progress: Progress | None) -> _Ladder:
     """Of the ladders with modes from all beginnings the one whose end errs least."""
     ladders = []
-    for steps in each(_with_modes, jobs):
-        ladders.append(steps)
+    for ladder in each(_with_modes, jobs):
+        ladders.append(ladder)
         if progress is not None:
             progress("modes of the winding", len(ladders), len(jobs))
-    return min(ladders, key=lambda steps: steps[-1].rms_error_percent)
+    return min(ladders, key=lambda ladder: ladder.steps[-1].rms_error_percent)
 
 
-def _with_modes(job: tuple[Fit, Trail, Solution]) -> list[Fit]:
+class _Ladder(NamedTuple):
+    """A ladder with modes.
+
+    Parameters
+    ----------
+    fewer : list
+        What `on_all_points` takes for the steps to the ordinary parts but the last one. They are not fitted before a ladder is chosen: modes
+        begin at the last one, and a diagnosis shows none of them.
+    steps : list of Fit
+        All ordinary parts, and then one mode more in each.
+    """
+
+    fewer: list[tuple[Trail, Solution, Fit]]
+    steps: list[Fit]
+
+
+def _with_modes(job: tuple[Fit, Trail, Solution]) -> _Ladder:
     base, trail, end = job
-    ordinary = steps_to(base, (trail, end))
-    modes = [ordinary[-1].add(MODES)]
-    for portion in further(modes[-1], MODES):
-        modes += portion
-    return [*falling(base, ordinary), *modes]
+    *fewer, last = by_need(base, (trail, end))
+    steps = [on_all_points(last)]
+    steps.append(steps[0].add(MODES))
+    for portion in further(steps[1], MODES):
+        steps += portion
+    return _Ladder(fewer, steps)

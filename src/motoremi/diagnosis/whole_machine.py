@@ -156,18 +156,19 @@ def _by_evidence(trails: Sequence[Trail], each: Map) -> list[tuple[Trail, Soluti
 
 
 def steps_to(base: Fit, found: tuple[Trail, Solution], each: Map = map) -> list[Fit]:
-    """The model with all effects of a trail, from its end, as steps of one effect each.
+    """The model with all effects of a trail, from its end, as steps of one effect each, in the order of `by_need`."""
+    return list(each(on_all_points, by_need(base, found, each)))
 
-    At every step the one without which the rest does best comes last.
-    """
+
+def by_need(base: Fit, found: tuple[Trail, Solution], each: Map = map) -> list[tuple[Trail, Solution, Fit]]:
+    """What `on_all_points` takes for each of these steps: at every one the effect without which the rest does best comes last."""
     path = [found]
     while len(_names(base, path[-1][0])) > 1:
         path.append(_without_one(base, *path[-1], each))
     ordered: list[str] = []
     for trail, _ in reversed(path):
         ordered += [name for name in _names(base, trail) if name not in ordered]
-    jobs = [(_near(base, tuple(ordered[: at + 1]), one.values), one, base) for at, (_, one) in enumerate(reversed(path))]
-    return list(each(on_all_points, jobs))
+    return [(_near(base, tuple(ordered[: at + 1]), one.values), one, base) for at, (_, one) in enumerate(reversed(path))]
 
 
 def _needed(base: Fit, found: tuple[Trail, Solution], each: Map) -> tuple[Trail, Solution]:
