@@ -255,6 +255,24 @@ def test_a_shorted_turn_of_thin_wire_is_named():
     assert "shorted-turn" in {*found.effects, *(name for family in found.families for name in family)}
 
 
+@pytest.mark.parametrize(("corner_hz", "skin_hz"), [(18e3, 182e3), (60e3, 2e6)])
+def test_a_sleeve_of_steel_around_the_rotor_is_not_told_from_a_shorted_turn(corner_hz: float, skin_hz: float) -> None:
+    """Of 10 mm radius and 1 mm thickness, and of a thinner one: sheets through which the flux diffuses."""
+    rng, frequency = np.random.default_rng(6), grid(201)
+    s = 2j * np.pi * frequency
+    x = np.sqrt(s / (2 * np.pi * skin_hz))
+    branch = DAMPED["Ra"] + s * DAMPED["La"] * (1 - 0.2 * s / (s + 2 * np.pi * corner_hz * x / np.tanh(x)))
+    winding = 1 / (1 / branch + s * DAMPED["Ca"])
+    frame = impedance(DAMPED, "open", frequency) - impedance(DAMPED, "short", frequency)
+    sweeps = [
+        me.ImpedanceSweep(name, frequency, z * (1 + 1e-3 * complex_normal(rng, 201))) for name, z in (("short", winding), ("open", winding + frame))
+    ]
+    with seeking({*FEW, "shorted-turn", "rotor-cage", "permeability-relaxation", "proximity-effect"}):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert found.verdict == "family"
+    assert {"shorted-turn", "rotor-cage"} <= set(found.families[0])
+
+
 def test_a_contact_of_an_ohm_is_named_though_little_is_left():
     sweeps = [
         me.ImpedanceSweep(s.termination, s.frequency_hz, s.impedance_ohm + (1.0 if s.termination == "open" else 0))

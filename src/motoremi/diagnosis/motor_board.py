@@ -194,7 +194,19 @@ class MotorBoard:
         others = {name: trail for name, trail in trails.items() if name not in alike}
         # Look-alikes are fitted to the end: only the likelihood distinguishes them.
         solutions = [race(alike, LOOK_ALIKE, list(alike), each=self._each).solutions, race(others, LOOK_NEAR, each=self._each).solutions]
-        return [one for group in solutions for one in self._refitted(trails, self._near_best(len(model.added), group))]
+        found = [one for group in solutions for one in self._refitted(trails, self._near_best(len(model.added), group))]
+        return found + self._renamed(model, effect, trails)
+
+    def _renamed(self, model: Candidate, effect: str, trails: Mapping[str, Trail]) -> list[Candidate]:
+        """The same circuit under another name, for each effect with the same law: races compare plain errors and may leave this solution."""
+        found, law = [], find_effect(effect).effect
+        for name, trail in trails.items():
+            other = find_effect(name).effect
+            if other is not law and other.formula == law.formula:
+                own = {f"{name}.{p.name}": model.fit.parameters[f"{effect}.{p.name}"] for p in law.parameters}
+                alone = dataclasses.replace(trail, starts=[{**model.fit.parameters, **model.fit.nuisance, **own}], group=1)
+                found += self._refitted({name: alone}, {name: raced_alone(alone)})
+        return found
 
     def dropped(self, model: Candidate, effect: str) -> Candidate:
         """The model without an effect; the base without any, or if the other one's place makes no difference then."""
