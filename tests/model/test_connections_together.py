@@ -78,6 +78,29 @@ def test_effects_of_the_connection_are_where_the_simulated_motor_has_them(names:
         )
 
 
+@pytest.mark.parametrize(
+    "beside",
+    [
+        (),
+        ("ground-strap-inductance",),
+        ("lead-inductance", "terminal-capacitance"),
+        ("suppressor-capacitor@frame",),
+        ("second-resonance", "suppressor-capacitor"),
+        ("distributed-winding",),
+        ("winding-sections",),
+    ],
+    ids=" + ".join,
+)
+def test_the_wire_from_the_far_end_is_beside_the_path_through_the_frame(beside: tuple[str, ...]) -> None:
+    simulated = SimulatedMotor.random(5, ("far-end-tie", *beside))
+    motor = add_effects(dc_motor(), [one.name for one in simulated.effects])
+    values = values_of(simulated)
+    parameters = [parameter.name for parameter in motor.parameters]
+    for termination in ("short", "open"):
+        seen = Tape(motor.circuit(termination), parameters).impedance(2j * np.pi * FREQUENCY_HZ, np.array([values[name] for name in parameters]))
+        np.testing.assert_allclose(seen, simulated.impedance(termination, FREQUENCY_HZ), rtol=max(LADDER, ROUND_WIRE))
+
+
 def test_with_its_far_end_on_the_frame_the_strap_carries_the_suppressor_as_well() -> None:
     simulated = SimulatedMotor.random(5, ("suppressor-capacitor@frame", "ground-strap-inductance"))
     motor = add_effects(dc_motor(), [one.name for one in simulated.effects])

@@ -169,7 +169,7 @@ def test_formula_text_equals_the_code(identifier):
         **TABLE_1, **start, "s": s, "f": frequency, "pi": np.pi, "sqrt": np.sqrt, "tanh": np.tanh, "exp": np.exp, "atan": np.arctan,
         "I0": lambda x: iv(0, x), "I1": lambda x: iv(1, x), "mu0": 1.0, "sigma_copper": COPPER_MU_SIGMA,
     }  # fmt: skip
-    termination = "short" if identifier in ("distributed-winding", "machine-winding", "winding-sections") else "open"
+    termination = "short" if identifier in ("distributed-winding", "machine-winding", "winding-sections", "far-end-tie") else "open"
     if termination == "short":
         runner = tape(motor, "short")
     got = runner.impedance(s, values_of(motor, **{f"{identifier}.{k}": v for k, v in start.items()}))
@@ -197,6 +197,9 @@ def test_formula_text_equals_the_code(identifier):
         expected = network(Lr=evaluate_formula(text, names))
     elif effect.name == "common-mode-flux":
         expected = network(La=evaluate_formula(text.removesuffix(" in the open-circuit sweep"), names))
+    elif identifier == "far-end-tie":
+        winding = tape(dc_motor(), "short").impedance(s, values_of(dc_motor()))
+        expected = evaluate_formula(text, {**names, "Z_winding": winding, "Z_frame": base_z - winding})
     elif effect.name == "winding-modes":
         winding = tape(dc_motor(), "short").impedance(s, values_of(dc_motor()))
         expected = base_z - winding + evaluate_formula(text, {**names, "Z_winding": winding})

@@ -92,6 +92,7 @@ def test_every_effect_is_there_and_follows_from_the_seed(effect: str) -> None:
         ("lead-inductance", {"short", "open"}),
         ("terminal-capacitance", {"short", "open"}),
         ("ground-strap-inductance", {"open"}),
+        ("far-end-tie", {"short"}),
         ("bearing-film", {"open"}),
         ("insulation-leakage@Cf", {"open"}),
         ("dielectric-loss@Cr", {"open"}),

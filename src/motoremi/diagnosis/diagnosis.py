@@ -547,6 +547,13 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     return min(RELIABLE[kind] for kind in kinds) * (judgement.probability if named else 1.0)
 
 
+# Causes of the verdict `instrument` that are no fault of analyser or fixture, by the effect that is named alone.
+_OF_THE_SETUP = {
+    "temperature-drift": "the motor's temperature was not the same in both sweeps",
+    "far-end-tie": "the wire from the winding's far end to the analyser is part of what the short-circuit sweep measures",
+}
+
+
 def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], validation: JsonDict) -> list[str]:
     base, closest = judgement.base, judgement.closest
     if verdict in ("unexplained", "data"):
@@ -591,8 +598,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         effect = f"the circuit's error from {percent(before)} to {percent(after)} {floor}{rest}"
     said = [f"adding {' and '.join(named)} takes {effect}"]
     if verdict == "instrument":
-        drifted = set(named) == {"temperature-drift"}
-        cause = "the motor's temperature was not the same in both sweeps" if drifted else "the analyser or its fixture is beyond its specification"
+        cause = _OF_THE_SETUP.get("".join(named), "the analyser or its fixture is beyond its specification")
         said.append(f"{cause}; the motor's circuit needs nothing")
     if len(named) == 1 and (imitation := find_effect(named[0]).imitated_by):
         same = "which is not in the catalogue, has nearly the same impedance: these sweeps do not distinguish it from"

@@ -89,6 +89,8 @@ class Motor:
         From the far end of the winding to the frame: (Rr + s Lr + 1/s Cr) parallel Cf, the second term of eq. (2).
     strap : Node, optional
         Between frame and analyser: in series with `frame`, with a winding whose far end is tied to the frame, and with parts that end at the frame.
+    tie : Node, optional
+        From the far end of the winding to the analyser in the short-circuit sweep, in parallel with the path through the frame; nothing is ideal.
     distribution : Parameter, optional
         Share of Cf that is distributed along the winding.
     spread : Node, optional
@@ -108,6 +110,7 @@ class Motor:
     winding: Node
     frame: Node
     strap: Node | None = None
+    tie: Node | None = None
     distribution: Parameter | None = None
     spread: Node | None = None
     coupled: tuple[Parameter, Parameter] | None = None
@@ -128,17 +131,21 @@ class Motor:
             for factor in self.open_factors:
                 winding = replace_leaf(winding, factor.element, lambda leaf, factor=factor: Scaled(leaf, factor.law, factor.parameters))  # type: ignore[misc]
         seen: Node
+        # How the winding ends; a tie is the end of a short-circuited one.
+        end = termination
+        if termination == "short" and self.tie is not None:
+            end, frame = "open", Parallel((self.tie, frame if self.strap is None else Series((frame, self.strap))))
         if self.spread is not None:
             copper, *beside = winding.children
-            seen = self._distributed(termination, copper, (), self.spread, (*beside, *self.across), frame)
+            seen = self._distributed(end, copper, (), self.spread, (*beside, *self.across), frame)
         elif (share := self.distribution) is not None:
             spread = Scaled(self._insulation("Cf"), laws.split_factor, (share,))
             rest = replace_leaf(frame, "Cf", lambda leaf: Scaled(leaf, laws.rest_factor, (share,)))
             copper, *turns = winding.children
-            seen = self._distributed(termination, copper, turns, spread, self.across, rest)
+            seen = self._distributed(end, copper, turns, spread, self.across, rest)
         else:
             whole = self._with_across(winding)
-            seen = Series((whole, frame)) if termination == "open" else whole
+            seen = Series((whole, frame)) if end == "open" else whole
         outermost = self.outermost_to_frame
         if termination != "short" and self.strap is not None and outermost is None:
             seen = Series((seen, self.strap))
@@ -198,7 +205,7 @@ class Motor:
         """A distributed winding: copper and core, `turns` in parallel with every turn, `spread` to the frame, `across` from end to end.
 
         With the far end at the analyser, the current to the frame comes back through the strap and the path from frame to far end. A suppressor
-        to the frame uses the same way back; that the two influence each other there is neglected.
+        to the frame uses the same way back; that the two influence each other there is neglected, and so is the strap beside a tie.
         """
         bridge = _parallel(across)
         load = frame if termination == "open" else None

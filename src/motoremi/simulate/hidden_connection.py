@@ -54,6 +54,14 @@ def _apply_strap(network: Network, elements: Elements, sizes: Sizes) -> Network:
     return network.with_node("G", "frame").block("strap", "frame", "G", _conductor(sizes))
 
 
+def _draw_tie(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
+    return _draw_conductor(rng, log_uniform(rng, 1e-7, 3e-7), log_uniform(rng, 1e-3, 0.05))
+
+
+def _apply_tie(network: Network, elements: Elements, sizes: Sizes) -> Network:
+    return network.with_node("Y", "far end").block("tie", "far end", "Y", _conductor(sizes))
+
+
 def _draw_lead(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
     return _draw_conductor(rng, log_uniform(rng, 1e-7, 3e-7), log_uniform(rng, 1e-3, 0.05))
 
@@ -105,6 +113,7 @@ ROTOR_EFFECTS = (EffectKind("bearing-film", _draw_bearing, _apply_bearing),)
 # In order from the motor outwards.
 CONNECTION_EFFECTS = (
     EffectKind("ground-strap-inductance", _draw_strap, _apply_strap),
+    EffectKind("far-end-tie", _draw_tie, _apply_tie, terminations=("short",)),
     EffectKind("lead-inductance", _draw_lead, _apply_lead),
     EffectKind("terminal-capacitance", _draw_terminal, _apply_terminal),
     EffectKind("supply-cable", _draw_cable, _apply_cable),

@@ -95,6 +95,7 @@ LAWS: Mapping[str, Mapping[str, Mapping[str, Law]]] = {
         "suppressor-choke": {"resistance_ohm": _copper(), "corner_hz": _linear(-2e-3)},
         "lead-inductance": {"resistance_ohm": _copper(), "skin_ohm": _copper(0.5)},
         "ground-strap-inductance": {"resistance_ohm": _copper(), "skin_ohm": _copper(0.5)},
+        "far-end-tie": {"resistance_ohm": _copper(), "skin_ohm": _copper(0.5)},
         "supply-cable": {"skin_ohm": _copper(0.5)},
         "outside-charge-diffusion": {"resistance_ohm": _activated(-0.2)},
     },

@@ -36,6 +36,10 @@ def _cable(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Mot
     return motor.attached(lambda node: Line(series, shunt, node), place=Outwards.CABLE)
 
 
+def _tie(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
+    return dataclasses.replace(motor, tie=_conductor("tie", parameters))
+
+
 def _strap(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
     strap = _conductor("strap", parameters)
     return dataclasses.replace(motor, strap=strap if motor.strap is None else Series((motor.strap, strap)))
@@ -139,5 +143,24 @@ EFFECTS = (
         starts=tuple({**rational_starts.CONDUCTOR_REST, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
         reader=rational_starts.frame_behind_strap,
         responds={"longer-strap": {"resistance_ohm": 2.0, "inductance_h": 2.0, "skin_ohm": 2.0}},
+    ),
+    Effect(
+        name="far-end-tie",
+        group="instrument",
+        title="inductance and resistance of the wire from the winding's far end to the analyser in the short-circuit sweep",
+        formula="Z_winding + 1 / (1 / Z_tie + 1 / Z_frame), Z_tie = resistance_ohm + s * inductance_h + skin_ohm * sqrt(2 * s / (2 * pi * 1e6))",
+        parameters=(
+            Parameter("resistance_ohm", "Ohm", 1e-3, 1.0, "1 - 100 mOhm: wire and clamps"),
+            Parameter("inductance_h", "H", 5e-9, 1e-6, "0.7 - 1.3 nH a millimetre: 10 mm to 1 m"),
+            _SKIN,
+        ),
+        limit="resistance_ohm, inductance_h, skin_ohm -> 0",
+        limit_values={"resistance_ohm": 0.0, "inductance_h": 0.0, "skin_ohm": 0.0},
+        signature="short-circuit sweep only: inductive at high f, where the open one has nothing of it",
+        look_alikes=("lead-inductance", "contact-resistance"),
+        deciding="tie the far end with a wide strap as short as possible, and repeat the short-circuit sweep",
+        source="inductance of straight wires: Grover, Inductance Calculations (1946)",
+        change=_tie,
+        starts=tuple({**rational_starts.CONDUCTOR_REST, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
     ),
 )
