@@ -273,6 +273,24 @@ def test_a_sleeve_of_steel_around_the_rotor_is_not_told_from_a_shorted_turn(corn
     assert {"shorted-turn", "rotor-cage"} <= set(found.families[0])
 
 
+@pytest.mark.parametrize("henry", [40e-9, 120e-9])
+def test_a_wire_that_ties_the_far_end_is_told_as_part_of_the_setup(henry: float) -> None:
+    """5 and 15 cm: in parallel with the path through the frame, in the short-circuit sweep alone."""
+    rng, frequency = np.random.default_rng(8), grid(201)
+    winding = impedance(DAMPED, "short", frequency)
+    frame = impedance(DAMPED, "open", frequency) - winding
+    tie = 0.01 + 2j * np.pi * frequency * henry
+    sweeps = [
+        me.ImpedanceSweep(name, frequency, z * (1 + 5e-4 * complex_normal(rng, 201)))
+        for name, z in (("short", winding + 1 / (1 / tie + 1 / frame)), ("open", winding + frame))
+    ]
+    with seeking({*FEW, "far-end-tie", "short-residual", "second-resonance"}):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a"))
+    assert (found.verdict, found.effects) == ("instrument", ("far-end-tie",))
+    assert any("the wire from the winding's far end" in reason for reason in found.reasons)
+    assert found.best.parameters["far-end-tie.inductance_h"] == pytest.approx(henry, rel=0.05)
+
+
 def test_a_contact_of_an_ohm_is_named_though_little_is_left():
     sweeps = [
         me.ImpedanceSweep(s.termination, s.frequency_hz, s.impedance_ohm + (1.0 if s.termination == "open" else 0))

@@ -35,7 +35,8 @@ OTHERWISE: Mapping[str, Mapping[str, float]] = {
     **{f"dielectric-relaxation@{place}": {"exponent": 1.0} for place in ("Ca", "Cr", "Cf")},
 }
 # What is hidden by other sizes than the catalogue's has tests elsewhere: conductors in test_simulate_ladders, a coupled mesh in
-# test_rational_starts, a cable below, the far end's wire in test_connections_together; a motor that warms up changes all its capacitances, the catalogue's only Ca.
+# test_rational_starts, a cable below, the far end's wire in test_connections_together; a motor that warms up changes all its capacitances, the
+# catalogue's only Ca.
 OTHER_SIZES = ("skin-effect", "proximity-effect", "field-coupling", "temperature-drift", "supply-cable", "far-end-tie")
 
 

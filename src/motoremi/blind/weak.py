@@ -33,7 +33,6 @@ STRENGTH: Mapping[str, Mapping[str, float]] = {
     "bearing-film": {"resistance_ohm": 1, "capacitance_f": -1},
     "lead-inductance": {"inductance_h": 1, "resistance_ohm": 1, "skin_ohm": 1},
     "ground-strap-inductance": {"inductance_h": 1, "resistance_ohm": 1, "skin_ohm": 1},
-    "far-end-tie": {"inductance_h": 1, "resistance_ohm": 1, "skin_ohm": 1},
     "terminal-capacitance": {"capacitance_f": 1},
     "supply-cable": {"inductance_h": 1, "capacitance_f": 1, "skin_ohm": 1},
     "rotor-cage": {"share": 1},
