@@ -119,14 +119,17 @@ class Parallel(Node):
     def forward(self, parts: list[ComplexArray], given: ValueAndSlopes) -> Passed:
         if len(parts) == 2:  # one division instead of three: a division takes as long as five products
             inverse = 1 / (parts[0] + parts[1])
-            shares = [parts[1] * inverse, parts[0] * inverse]
-            return parts[0] * shares[0], shares
+            share = parts[1] * inverse
+            return parts[0] * share, (share, inverse)
         admittances = [1 / part for part in parts]
-        impedance = 1 / sum(admittances[1:], start=admittances[0])
-        return impedance, [impedance * admittance for admittance in admittances]
+        return 1 / sum(admittances[1:], start=admittances[0]), admittances
 
     def backward(self, parts: list[ComplexArray], given: ValueAndSlopes, impedance: ComplexArray, kept: Any) -> Slopes:
-        return [share**2 for share in kept], ()  # each branch's share of the current, squared
+        # Each branch's share of the current, squared.
+        if len(parts) == 2:
+            share, inverse = kept
+            return [share**2, (parts[0] * inverse) ** 2], ()
+        return [(impedance * admittance) ** 2 for admittance in kept], ()
 
     def rebuilt(self, children: tuple[Node, ...]) -> Node:
         return Parallel(children)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import ive
 
 from motoremi.arrays import ComplexArray
-from motoremi.model.laws import TWO_PI, ValueAndSlopes
+from motoremi.model.laws import TWO_PI, Later, ValueAndSlopes
 
 # Permeability of vacuum times the conductivity of copper at 20 °C (5.8e7 S/m), in s/m².
 COPPER_MU_SIGMA = 4e-7 * np.pi * 5.8e7
@@ -105,11 +105,15 @@ def debye_factor(s: ComplexArray, share: Any, corner_hz: Any) -> ValueAndSlopes:
 
 def cole_cole_factor(s: ComplexArray, share: Any, corner_hz: Any, exponent: Any) -> ValueAndSlopes:
     """Magnetic relaxation (Cole and Cole): (1 - k) + k / (1 + (s/wm)^a)."""
-    corner = TWO_PI * corner_hz
-    power = _power(s * (1 / corner), exponent)
+    corner = np.log(TWO_PI * corner_hz)
+    power = _power(s, corner, exponent)
     pole = 1 / (1 + power)
-    turn = -share * pole**2 * power
-    return 1 + share * (pole - 1), (pole - 1, turn * (-exponent / corner_hz), turn * (np.log(s) - np.log(corner)))
+
+    def slopes() -> tuple[ComplexArray, ...]:
+        turn = -share * pole**2 * power
+        return pole - 1, turn * (-exponent / corner_hz), turn * (np.log(s) - corner)
+
+    return 1 + share * (pole - 1), Later(slopes)
 
 
 def permeability_factor(s: ComplexArray, share: Any, corner_hz: Any, exponent: Any, quality: Any) -> ValueAndSlopes:
@@ -118,18 +122,21 @@ def permeability_factor(s: ComplexArray, share: Any, corner_hz: Any, exponent: A
     a = 1 and Q -> 0 is Debye's law, a < 1 that of Cole and Cole, and Q > 0 a damped resonance (Lorentz) of the quality Q at wm/Q.
     """
     corner = TWO_PI * corner_hz
-    x = s * (1 / corner)
-    power = _power(x, exponent)
-    inertia = (quality * x) ** 2
+    power = _power(s, np.log(corner), exponent)
+    inertia = (s * (quality / corner)) ** 2
     pole = 1 / (1 + power + inertia)
-    turn = -share * pole**2
-    by_corner = exponent * power + 2 * inertia
-    return 1 + share * (pole - 1), (
-        pole - 1,
-        turn * by_corner * (-1 / corner_hz),
-        turn * power * (np.log(s) - np.log(corner)),
-        turn * inertia * (2 / quality),
-    )
+
+    def slopes() -> tuple[ComplexArray, ...]:
+        turn = -share * pole**2
+        by_corner = exponent * power + 2 * inertia
+        return (
+            pole - 1,
+            turn * by_corner * (-1 / corner_hz),
+            turn * power * (np.log(s) - np.log(corner)),
+            turn * inertia * (2 / quality),
+        )
+
+    return 1 + share * (pole - 1), Later(slopes)
 
 
 def shorted_loop_factor(s: ComplexArray, share: Any, corner_hz: Any, skin_hz: Any) -> ValueAndSlopes:
@@ -161,40 +168,49 @@ def machine_core_factor(s: ComplexArray, cage_share: Any, cage_hz: Any, iron_hz:
     decades of frequency.
     """
     cage = 1 / (1 + s * (1 / (TWO_PI * cage_hz)))
-    power = _power(s * (1 / (TWO_PI * iron_hz)), exponent)
+    power = _power(s, np.log(TWO_PI * iron_hz), exponent)
     iron = 1 / (1 + power)
     rest = 1 - cage_share
-    by_power = -rest * iron**2 * power
-    return rest * iron + cage_share * cage, (
-        cage - iron,
-        cage_share * cage * (1 - cage) * (1 / cage_hz),
-        by_power * (-exponent / iron_hz),
-        by_power * (np.log(s) - np.log(TWO_PI * iron_hz)),
-    )
+
+    def slopes() -> tuple[ComplexArray, ...]:
+        by_power = -rest * iron**2 * power
+        return (
+            cage - iron,
+            cage_share * cage * (1 - cage) * (1 / cage_hz),
+            by_power * (-exponent / iron_hz),
+            by_power * (np.log(s) - np.log(TWO_PI * iron_hz)),
+        )
+
+    return rest * iron + cage_share * cage, Later(slopes)
 
 
-def _power(x: ComplexArray, exponent: Any) -> ComplexArray:
-    """x^a, without a complex power for each x if all have the same phase, as on the frequency axis."""
-    modulus, phase = np.abs(x), np.angle(x)
+def _power(s: ComplexArray, corner: Any, exponent: Any) -> ComplexArray:
+    """(s / w)^a, with `corner` ln w: one real power for each point, and one complex factor if all s have the same phase, as on the frequency axis.
+
+    A complex power or the phase of each point would take most of the time of a law.
+    """
+    modulus, phase = np.log(np.abs(s)), np.angle(s)
     same = phase[:1] if np.all(phase == phase[0]) else phase
-    return np.exp(np.log(modulus) * exponent) * np.exp(1j * same * exponent)
+    return np.exp((modulus - corner) * exponent) * np.exp(1j * same * exponent)
 
 
 def constant_phase_factor(s: ComplexArray, tan_delta: Any) -> ValueAndSlopes:
     """Impedance of a capacitance with a constant loss angle: (s/w0)^(2 delta/pi), w0 = 2 pi 1 MHz."""
     ratio = s / (TWO_PI * 1e6)
-    value = _power(ratio, 2 / np.pi * np.arctan(tan_delta))
-    return value, (value * np.log(ratio) * ((2 / np.pi) / (1 + tan_delta**2)),)
+    value = _power(ratio, 0.0, 2 / np.pi * np.arctan(tan_delta))
+    return value, Later(lambda: (value * np.log(ratio) * ((2 / np.pi) / (1 + tan_delta**2)),))
 
 
 def relaxation_factor(s: ComplexArray, strength: Any, corner_hz: Any, exponent: Any) -> ValueAndSlopes:
     """Impedance of a relaxing capacitance (Cole-Cole): 1 / (1 + d / (1 + (s/wd)^a))."""
-    corner = TWO_PI * corner_hz
-    # Relative to an angular frequency in the middle of the sweep, so that the powers do not overflow.
-    middle = np.abs(s[s.size // 2])
-    power = _power(s / middle, exponent) * (middle / corner) ** exponent
+    corner = np.log(TWO_PI * corner_hz)
+    power = _power(s, corner, exponent)
     pole = 1 / (1 + power)
     value = 1 / (1 + strength * pole)
-    by_pole = value**2 * -pole
-    turn = by_pole * pole * power
-    return value, (by_pole, turn * (strength * exponent / corner_hz), turn * (np.log(s) - np.log(corner)) * -strength)
+
+    def slopes() -> tuple[ComplexArray, ...]:
+        by_pole = value**2 * -pole
+        turn = by_pole * pole * power
+        return by_pole, turn * (strength * exponent / corner_hz), turn * (np.log(s) - corner) * -strength
+
+    return value, Later(slopes)
