@@ -7,6 +7,7 @@ the previous solution (Sanathanan and Koerner 1963).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -47,7 +48,15 @@ def rational_fit(frequency_hz: FloatArray, value: ComplexArray, weight: FloatArr
         Of numerator and denominator.
     """
     step = max(1, frequency_hz.size // MOST_POINTS)
-    frequency, value, weight = frequency_hz[::step], value[::step], weight[::step]
+    used = frequency_hz[::step].astype(np.float64), value[::step].astype(np.complex128), weight[::step].astype(np.float64)
+    return _fitted(*(part.tobytes() for part in used), degrees)
+
+
+# A search for two effects reads start values from the same sweeps beside each of the forty, and the scan of a cable alone makes 64 fits.
+@lru_cache(maxsize=256)
+def _fitted(frequency_bytes: bytes, value_bytes: bytes, weight_bytes: bytes, degrees: tuple[int, int]) -> Rational:
+    frequency, weight = np.frombuffer(frequency_bytes), np.frombuffer(weight_bytes)
+    value = np.frombuffer(value_bytes, dtype=np.complex128)
     middle = 2 * np.pi * float(np.sqrt(frequency[0] * frequency[-1]))
     top, bottom = (((2j * np.pi / middle) * frequency.astype(np.complex128))[:, None] ** np.arange(degree + 1) for degree in degrees)
     regressors = np.concatenate([top, -value[:, None] * bottom[:, 1:]], axis=1)
@@ -66,4 +75,7 @@ def rational_fit(frequency_hz: FloatArray, value: ComplexArray, weight: FloatArr
         denominator = 1 + bottom[:, 1:] @ solution[top.shape[1] :]
         denominator = np.where(np.abs(denominator) < 1e-9, 1e-9, denominator)
     lowest = 2 * np.pi * float(frequency[0]) / middle
-    return Rational(middle, lowest, solution[: top.shape[1]], np.concatenate([[1.0], solution[top.shape[1] :]]))
+    above, below = solution[: top.shape[1]], np.concatenate([[1.0], solution[top.shape[1] :]])
+    for coefficients in (above, below):
+        coefficients.flags.writeable = False  # the same for all that ask for this fit
+    return Rational(middle, lowest, above, below)
