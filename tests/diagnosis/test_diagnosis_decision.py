@@ -11,7 +11,7 @@ import pytest
 import motoremi as me
 from motoremi.blind.cases import Case
 from motoremi.diagnosis.belief import acceptance_of, believe
-from motoremi.diagnosis.candidates import Candidate, prior_of_effects, unusual_values
+from motoremi.diagnosis.candidates import Candidate, changed_elements, prior_of_effects, unusual_values
 from motoremi.diagnosis.judgement import Judgement, decided, distributed, judge
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
@@ -565,3 +565,12 @@ def test_an_effect_with_which_the_analyser_is_within_its_specification_is_told_b
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
     assert judgement.named == ()
     assert judgement.instead_of_the_analyser is (core if told else None)
+
+
+def test_elements_that_another_model_gives_otherwise_are_told():
+    def known(**values: float) -> SimpleNamespace:
+        return SimpleNamespace(parameters=values, sigma=dict.fromkeys(values, 1e-8), determined=lambda name: name != "Ca")
+
+    here, other = known(La=12e-6, Ca=30e-12, Cr=1e-9), known(La=40e-6, Ca=90e-12, Cr=1.1e-9)
+    assert changed_elements(here, {"skin-effect": other}) == "La is 12 uH here and 40 uH with skin-effect"  # type: ignore[arg-type, dict-item]
+    assert not changed_elements(here, {"skin-effect": here})  # type: ignore[arg-type, dict-item]

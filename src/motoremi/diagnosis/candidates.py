@@ -30,6 +30,8 @@ ALLOWED_SIGMA = 4.0
 FLEXIBLE = 3
 # Standard deviations by which a value must lie beyond what is usual to count as unusual, as for a 95 % interval.
 UNSURE = 2.0
+# Share of an element by which another model must differ to be told: less is the tolerance of parts and windings.
+CLEARLY_OTHER = 0.2
 # Parts that have the impedance of an element.
 LIKE_PART = {"Ca": "a capacitor across the terminals", "Cr": "a capacitor to the frame", "Cf": "a capacitor to the frame"}
 # Parameters whose lower bound means zero (a lead or a capacitor below 1 mOhm): being at that bound costs nothing.
@@ -155,6 +157,29 @@ def large_elements(fit: Fit) -> list[str]:
             most = f"{parameter.name} = {show(value, 'F')} is more than windings have (up to {show(parameter.usual[1], 'F')})"
             said.append(f"{most}: {part} has the same impedance, look for one")
     return said
+
+
+def changed_elements(fit: Fit, others: Mapping[str, Fit]) -> str:
+    """The motor's elements that a fit determines and of which another has clearly another value, in words; empty if there are none.
+
+    Parameters
+    ----------
+    fit : Fit
+    others : mapping
+        Fits by the name of the effect that they have instead, or in addition.
+    """
+    said = []
+    for parameter in BASE_PARAMETERS:
+        name = parameter.name
+        if name not in fit.parameters or not fit.determined(name):
+            continue
+        own = fit.parameters[name]
+        values = {label: other.parameters[name] for label, other in others.items() if name in other.parameters and other.determined(name)}
+        # The value that is furthest away, as a ratio.
+        label = max(values, key=lambda one: abs(np.log(values[one] / own)), default="")
+        if label and abs(values[label] - own) > max(UNSURE * fit.sigma[name], CLEARLY_OTHER * own):
+            said.append(f"{name} is {show(own, parameter.unit)} here and {show(values[label], parameter.unit)} with {label}")
+    return ", ".join(said)
 
 
 def _is_overdamped(label: str, motor: Motor, values: Mapping[str, float]) -> bool:

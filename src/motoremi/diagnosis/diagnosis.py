@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE, after_verdict
-from motoremi.diagnosis.candidates import Candidate, large_elements, possible_effects
+from motoremi.diagnosis.candidates import Candidate, changed_elements, large_elements, possible_effects
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key, best_of
 from motoremi.diagnosis.findings import (
@@ -627,7 +627,11 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             f"with {' and '.join(also)} as well the analyser would err by {further.fit.analyser_sigma / 3:.2g} times its specification, without it "
             f"by {best.analyser_sigma / 3:.2g} times: these sweeps do not show whether that is missing too"
         )
-    said += [f"these sweeps do not distinguish {', '.join(family[:-1])} and {family[-1]}" for family in families]
+    for family in families:
+        said.append(f"these sweeps do not distinguish {', '.join(family[:-1])} and {family[-1]}")
+        rivals = judgement.instead_of(family[0])
+        if changed := changed_elements(best, {name: rivals[name].fit for name in family[1:] if name in rivals}):
+            said.append(f"the elements depend on which it is: {changed}")
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")
     return said
@@ -696,6 +700,8 @@ def _reasons_of_none(judgement: Judgement, verdict: Verdict) -> list[str]:
             f"{' and '.join(judgement.belief.named)} would describe the rest, which is too small to matter or may be the analyser's: "
             "state the accuracy that you need (--accuracy) if it matters"
         )
+        if changed := changed_elements(base, {as_sum(judgement.belief.named): judgement.found[tuple(sorted(judgement.belief.named))].fit}):
+            said.append(f"the elements depend on it: {changed}")
     else:
         said.append("an effect too weak to be seen by this analyser over this band cannot be ruled out")
     return said

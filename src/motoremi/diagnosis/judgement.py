@@ -214,7 +214,7 @@ class Judgement:
         found = acceptance_of(self.base, self.model.fit)
         unusual_single = len(self.model.added) == 1 and self.model.unusual and self.leaves_something
         # An effect with unusual values is not accepted if others come as close or much remains; if it has a family, the family is named.
-        as_close = unusual_single and any(map(self._is_as_close, self._in_place_of(*self.model.added).values()))
+        as_close = unusual_single and any(map(self._is_as_close, self.instead_of(*self.model.added).values()))
         poorly = unusual_single and (self.model.fit.unexplained_percent["value"] >= 100 * PLAIN or as_close)
         if (poorly and not any(self.belief.families.values())) or self._only_by_analyser_errors:
             return "not"
@@ -401,7 +401,7 @@ class Judgement:
         single = self.among(enough)
         return single if single.named and single.accepted else None
 
-    def _in_place_of(self, effect: str) -> Mapping[str, Candidate]:
+    def instead_of(self, effect: str) -> Mapping[str, Candidate]:
         """Models with another effect in the place of one of the accepted model's, by its name."""
         return {name: self.found[key] for name, key in in_place_of(effect, self.model.added, self.found).items()}
 
@@ -415,7 +415,7 @@ class Judgement:
         Circuits that err by no more than noise and specification would leave are about equally good.
         """
         limit = ALIKE * self.model.fit.unexplained_percent["value"]
-        rivals = self._in_place_of(effect)
+        rivals = self.instead_of(effect)
         close = {name: one for name, one in rivals.items() if self._is_as_close(one) or _is_within(one.fit)}
         alike = [name for name, one in close.items() if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) > 1 and one.unusual)]
         return tuple(sorted(alike, key=lambda name: -close[name].score))
