@@ -107,6 +107,7 @@ _QUANTITIES = (
     *(_Quantity(f"level {detector}", DBUV, (detector,)) for detector in SPELLINGS),
     *(_Quantity(f"level_dbm {detector}", DBM, (detector,)) for detector in SPELLINGS),
     _Quantity("sigma_relative", NUMBER, ("sigma_relative",)),
+    _Quantity("rounding_relative", NUMBER, ("rounding_relative",)),
 )
 # Names of quantities that a column of complex numbers may hold, and the titles of their parts.
 _PARTS = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -279,7 +279,7 @@ class Corrections:
                 impedance = entry.de_embedded(sweep.frequency_hz, impedance)
         impedance = impedance * 10 ** (self.added_db("analyser", sweep.frequency_hz) / 20)
         metadata = {**sweep.metadata, "corrected": [entry.name for entry in entries]}
-        return ImpedanceSweep(sweep.termination, sweep.frequency_hz, impedance, sweep.sigma_relative, metadata, sweep.condition)
+        return replace(sweep, impedance_ohm=impedance, metadata=metadata)
 
     def remarks(self) -> list[str]:
         """Remarks for the report."""

@@ -48,9 +48,10 @@ def impedance_csv(sweep: ImpedanceSweep) -> str:
     """The text of a sweep's file."""
     titles = ["frequency_hz", "resistance_ohm", "reactance_ohm"]
     columns = [sweep.frequency_hz.tolist(), sweep.impedance_ohm.real.tolist(), sweep.impedance_ohm.imag.tolist()]
-    if sweep.sigma_relative is not None:
-        titles.append("sigma_relative")
-        columns.append(sweep.sigma_relative.tolist())
+    for title, own in (("sigma_relative", sweep.sigma_relative), ("rounding_relative", sweep.rounding_relative)):
+        if own is not None:
+            titles.append(title)
+            columns.append(own.tolist())
     header: dict[str, Any] = {"termination": sweep.termination, "points": len(sweep)}
     if sweep.condition is not None:
         header["condition"] = sweep.condition.text

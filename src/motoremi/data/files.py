@@ -23,6 +23,7 @@ from motoremi.data.plausible import implausible, negative_resistance
 from motoremi.data.quantity import REFLECTION
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
+from motoremi.data.rounding import rounding_of
 from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, rising_frequency, used_rows
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.spectrum_header import kept_header, spectrum_header
@@ -247,17 +248,19 @@ def read_spectrum(path: str | os.PathLike[str]) -> Spectrum:
 def parse_impedance_csv(text: str, name: str, termination: str) -> ImpedanceSweep:
     """An impedance sweep from the text of a CSV file; metadata are those of its header, and rows of one frequency are not merged.
 
+    The file is one that motoremi wrote, with all digits that it had: only its column `rounding_relative` says to which digits numbers were rounded.
+
     Raises
     ------
     BadInput
         As `read_impedance`, and if a frequency occurs twice.
     """
-    rows, header, _ = _rows_of_table(parse_table(text, name), termination)
+    rows, header, _ = _rows_of_table(parse_table(text, name), termination, by_digits=False)
     return of_file(name, lambda: _sweep(termination, rows, header))
 
 
-def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> tuple[Rows, JsonDict, str]:
-    """The rows, the header, and the pair of quantities in the columns."""
+def _rows_of_table(given: Table, termination: str, band: Band | None = None, by_digits: bool = True) -> tuple[Rows, JsonDict, str]:
+    """The rows, the header, and the pair of quantities in the columns; with `by_digits`, their digits say how they are rounded."""
     name = given.name
     table = with_parts(given)
     found = find_columns(table)
@@ -291,7 +294,9 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None) -> 
     if pair in REFLECTIONS:
         refuse_between_ports(header, name)
         warnings += reflection_warnings(REFLECTION.coefficient_of(impedance))
-    return Rows(frequency, impedance, sigma, table.where, changes, warnings), header, pair.title
+    known = by_digits or "rounding_relative" in found
+    rounding = rounding_of(table, found, pair, frequency, impedance) if known else None
+    return Rows(frequency, impedance, sigma, table.where, changes, warnings, rounding), header, pair.title
 
 
 def parse_spectrum_csv(text: str, name: str) -> Spectrum:
@@ -325,7 +330,8 @@ def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
         warnings += negative_resistance(rows.impedance_ohm)
     warnings = list(dict.fromkeys(warnings))
     noted = {key: list(texts) for key, texts in (("changes", rows.changes), ("warnings", warnings)) if texts}
-    return ImpedanceSweep(termination, rows.frequency_hz, rows.impedance_ohm, rows.sigma_relative, {**metadata, **noted})
+    stated = {**metadata, **noted}
+    return ImpedanceSweep(termination, rows.frequency_hz, rows.impedance_ohm, rows.sigma_relative, stated, rounding_relative=rows.rounding_relative)
 
 
 def _wrong_columns(table: Table, found: dict[str, Column]) -> BadInput:

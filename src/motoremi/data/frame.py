@@ -8,6 +8,7 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.columns import columns_found, find_columns, unit_trouble
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, column_values, find_pair, impedance_of, in_rising_order
+from motoremi.data.rounding import rounding_of
 from motoremi.data.table import Table
 from motoremi.errors import BadInput
 from motoremi.given import refuse_other
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def impedance_in(frame: pd.DataFrame) -> tuple[FloatArray, ComplexArray, FloatArray | None, tuple[str, ...]]:
-    """Frequency in hertz, impedance in ohm, the relative noise where it is stated, and what was changed in words.
+def impedance_in(frame: pd.DataFrame) -> tuple[FloatArray, ComplexArray, FloatArray | None, FloatArray | None, tuple[str, ...]]:
+    """Frequency in hertz, impedance in ohm, the relative noise where it is stated, the rounding if there is one, and what was changed in words.
 
     Raises
     ------
@@ -37,7 +38,8 @@ def impedance_in(frame: pd.DataFrame) -> tuple[FloatArray, ComplexArray, FloatAr
     table, changes = in_rising_order(table, found["frequency"])
     frequency = column_values(table, found["frequency"])
     sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
-    return frequency, impedance_of(table, found, pair, frequency), sigma, changes
+    impedance = impedance_of(table, found, pair, frequency)
+    return frequency, impedance, sigma, rounding_of(table, found, pair, frequency, impedance), changes
 
 
 def _table(frame: pd.DataFrame) -> Table:

@@ -91,8 +91,8 @@ def _moved(sweep: RepeatedSweep, noise: Noise, combine: FloatArray) -> tuple[Flo
 def _thinned(sweep: RepeatedSweep) -> RepeatedSweep:
     """Every so many points of a sweep, if it has many: they show four values as well as all of them."""
     step = -(-sweep.frequency_hz.size // ENOUGH_POINTS)
-    stated = None if sweep.sigma_relative is None else sweep.sigma_relative[::step]
-    return RepeatedSweep(sweep.termination, sweep.frequency_hz[::step], sweep.impedance_ohm[:, ::step], stated)
+    stated, rounding = (None if own is None else own[::step] for own in (sweep.sigma_relative, sweep.rounding_relative))
+    return RepeatedSweep(sweep.termination, sweep.frequency_hz[::step], sweep.impedance_ohm[:, ::step], stated, rounding_relative=rounding)
 
 
 def _without(sweep: RepeatedSweep, leads: FloatArray) -> RepeatedSweep:

@@ -96,8 +96,8 @@ class ByContent:
     @classmethod
     def of(cls, sweep: RepeatedSweep, quantity: Quantity | None) -> ByContent:
         """The key of a sweep."""
-        arrays = (sweep.frequency_hz, sweep.impedance_ohm, *(array for array in (sweep.sigma_relative, sweep.moved) if array is not None))
-        parts = [f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in arrays]
+        arrays = (sweep.frequency_hz, sweep.impedance_ohm, sweep.sigma_relative, sweep.moved, sweep.rounding_relative)
+        parts = [b"-" if array is None else f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in arrays]
         return cls(hashlib.sha256(b"".join(parts)).digest(), quantity, sweep)
 
 
@@ -127,14 +127,26 @@ def noise_anew(key: ByContent) -> Noise:
 
 
 def estimated(key: ByContent) -> Noise:
-    """Noise from the repeats, as stated by the user, or from the scatter."""
+    """Noise from the repeats, as stated by the user, or from the scatter; never below the rounding of the numbers."""
     sweep, domain = key.sweep, domain_of(key.quantity, key.sweep.mean_ohm)
+    noise = _by_source(key, domain)
+    # With little noise all repeats are rounded alike, and so is their mean.
+    return noise if sweep.rounding_relative is None else dataclasses.replace(noise, sigma=np.maximum(noise.sigma, sweep.rounding_relative))
+
+
+def _by_source(key: ByContent, domain: Domain) -> Noise:
+    sweep = key.sweep
     if sweep.repeats > 1:
         return _from_repeats(key, domain)
     if sweep.sigma_relative is not None:
         return Noise(np.maximum(sweep.sigma_relative, SMALLEST_SIGMA), "stated")
-    sigma = noise_by_scatter(sweep.frequency_hz, domain)
+    sigma = noise_by_scatter(sweep.frequency_hz, domain, _rounding(sweep, domain))
     return Noise(sigma * np.abs(domain.to_relative), "scatter", UNSEEN_BY_SCATTER * sigma * domain.to_relative)
+
+
+def _rounding(sweep: RepeatedSweep, domain: Domain) -> FloatArray | None:
+    """The rounding of one repeat in the domain of the analyser's law, if it is known."""
+    return None if sweep.rounding_relative is None else sweep.rounding_relative / np.abs(domain.to_relative)
 
 
 class _Random(NamedTuple):
@@ -156,8 +168,10 @@ def _random(key: ByContent) -> _Random:
     deviations = (sweep.impedance_ohm / sweep.mean_ohm - 1) / domain.to_relative
     free = contrasts(deviations)
     variance = np.mean(np.abs(free) ** 2, axis=0) / 2
-    outliers = _outliers(variance, domain.law)
-    white = _white(np.where(outliers, _median_of_neighbours(variance), variance), domain.law)
+    rounding = _rounding(sweep, domain)
+    known = np.zeros(variance.size) if rounding is None else rounding**2
+    outliers = _outliers(variance, domain.law, known)
+    white = _white(np.where(outliers, _median_of_neighbours(variance), variance), domain.law, known)
     correlated = correlated_part(sweep.frequency_hz[~outliers], white[~outliers], free[:, ~outliers])
     return _Random(deviations, free, variance, outliers, white, correlated)
 
@@ -171,6 +185,10 @@ def _from_repeats(key: ByContent, domain: Domain) -> Noise:
     """White and correlated noise, and a drift."""
     sweep = key.sweep
     deviations, free, variance, outliers, white, (correlated, factor, _) = _random(key)
+    rounding = _rounding(sweep, domain)
+    if rounding is not None and correlated < np.median(rounding):
+        # A last digit that is the same at neighbouring points and another one in the next repeat.
+        correlated = 0.0
     inside = ~outliers
     sigma = np.maximum(white * np.sqrt(factor), SMALLEST_SIGMA)
     drift = _drift(sweep, sigma, correlated, free, inside)
@@ -208,10 +226,11 @@ def _drift(sweep: RepeatedSweep, sigma: FloatArray, correlated: float, free: Com
     return np.interp(place, place[inside], found)
 
 
-def _outliers(variance: FloatArray, law: FloatArray) -> BoolArray:
-    """Points whose repeats differ far more than those of their neighbours and than the analyser's law allows."""
-    beside = _median_of_neighbours(variance)
-    allowed = fitted_by_law(np.minimum(variance, OUTLIER * beside), law)
+def _outliers(variance: FloatArray, law: FloatArray, known: FloatArray) -> BoolArray:
+    """Points whose repeats differ far more than those of their neighbours and than the analyser's law and the known part allow."""
+    # Of rounded repeats most may agree exactly.
+    beside = np.maximum(_median_of_neighbours(variance), known)
+    allowed = fitted_by_law(np.minimum(variance, OUTLIER * beside), law, known=known)
     limit = OUTLIER**2
     return (variance > limit * beside) & (variance > limit * allowed)
 
@@ -220,9 +239,9 @@ def _median_of_neighbours(variance: FloatArray) -> FloatArray:
     return np.maximum(median_filter(variance, size=min(NEIGHBOURS, variance.size), mode="nearest"), SMALLEST_SIGMA**2)
 
 
-def _white(variance: FloatArray, law: FloatArray) -> FloatArray:
-    """Standard deviation of one repeat from sample variances."""
-    expected = fitted_by_law(variance, law)
+def _white(variance: FloatArray, law: FloatArray, known: FloatArray) -> FloatArray:
+    """Standard deviation of one repeat from sample variances, a part of which is known."""
+    expected = fitted_by_law(variance, law, known=known)
     # The slow correction averages over so many points that its own scatter stays near 10 %.
     width = min(len(variance), max(25, len(variance) // 6))
     correction = uniform_filter1d(variance / expected, width, mode="reflect")

@@ -36,13 +36,15 @@ COARSE, MOST_OF_COARSE = 30, 0.03
 ENOUGH = 1500
 
 
-def noise_by_scatter(frequency_hz: FloatArray, domain: Domain) -> FloatArray:
+def noise_by_scatter(frequency_hz: FloatArray, domain: Domain, rounding: FloatArray | None = None) -> FloatArray:
     """Standard deviation of the white noise, of the real and of the imaginary part each, in the domain of the analyser's law.
 
     Parameters
     ----------
     frequency_hz : ndarray, shape (n,)
     domain : Domain
+    rounding : ndarray, shape (n,), optional
+        The known part that is caused by rounded numbers, in the same domain.
 
     Returns
     -------
@@ -56,12 +58,12 @@ def noise_by_scatter(frequency_hz: FloatArray, domain: Domain) -> FloatArray:
     # Quantiles of chi-squared.
     median, largest = (2 * gammaincinv(freedom / 2, share) for share in (0.5, USED))
 
-    sigma = np.ones(count)
+    sigma, known = np.ones(count), None if rounding is None else rounding**2
     equations, size = _equations(frequency_hz, domain.rational, windows, at)
     for _ in range(ROUNDS):
         squares = _squares(equations, (sigma * domain.of_rational)[windows] / size)
         used = squares <= largest * max(float(np.median(squares)) / median, 1.0)
-        sigma = np.sqrt(fitted_by_law((squares / freedom * sigma[at] ** 2)[used], domain.law, at[used]))
+        sigma = np.sqrt(fitted_by_law((squares / freedom * sigma[at] ** 2)[used], domain.law, at[used], known))
     squares = _squares(equations, (sigma * domain.of_rational)[windows] / size)
     typical = np.interp(np.arange(count), at, median_filter(squares, size=min(NEIGHBOURS, at.size), mode="nearest") / median)
     sigma = np.maximum(sigma * np.sqrt(np.minimum(typical, MOST_CORRECTED)), SMALLEST_SIGMA)

@@ -60,7 +60,7 @@ def _wave_domain(quantity: Quantity, impedance_ohm: ComplexArray) -> Domain:
     return Domain(quantity.relative(impedance_ohm), law, coefficient, np.ones(coefficient.size))
 
 
-def fitted_by_law(variance: FloatArray, law: FloatArray, at: IntArray | slice = slice(None)) -> FloatArray:
+def fitted_by_law(variance: FloatArray, law: FloatArray, at: IntArray | slice = slice(None), known: FloatArray | None = None) -> FloatArray:
     """The parts of a law fitted to sample variances, whose scatter is proportional to their size.
 
     Parameters
@@ -69,16 +69,19 @@ def fitted_by_law(variance: FloatArray, law: FloatArray, at: IntArray | slice = 
     law : ndarray, shape (n, m)
     at : ndarray of int, shape (k,), or slice
         Points at which the variance was sampled.
+    known : ndarray, shape (n,), optional
+        A further part of the variance, of known size.
 
     Returns
     -------
     ndarray, shape (n,)
         The variance by the law, at all points.
     """
+    given = np.zeros(len(law)) if known is None else known
     fitted = np.full(len(law), max(float(np.mean(variance)), SMALLEST_SIGMA**2))
     for _ in range(8):
         scaled = law[at] / fitted[at][:, None]
         norms = np.maximum(np.linalg.norm(scaled, axis=0), 1e-30)
-        coefficients = nnls(scaled / norms, variance / fitted[at])[0] / norms
-        fitted = np.maximum(law @ coefficients, SMALLEST_SIGMA**2)
+        coefficients = nnls(scaled / norms, (variance - given[at]) / fitted[at])[0] / norms
+        fitted = np.maximum(law @ coefficients + given, SMALLEST_SIGMA**2)
     return fitted

@@ -68,6 +68,21 @@ def last_place(cell: str) -> float:
     return float(10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2])))
 
 
+def digits_of(cell: str) -> tuple[int, int, int]:
+    """Number of significant digits without zeros at the end, and the powers of ten of the first and of the last of them: (2, 1, 0) of `12.0`.
+
+    Zero has no significant digit.
+    """
+    mantissa, _, exponent = cell.strip().lstrip("+-").lower().partition("e")
+    whole, _, decimals = mantissa.partition(".")
+    digits, power = whole + decimals, int(exponent or 0)
+    kept = digits.strip("0")
+    if not kept:
+        return 0, power, power
+    leading = power + len(whole) - 1 - (len(digits) - len(digits.lstrip("0")))
+    return len(kept), leading, leading - len(kept) + 1
+
+
 def complex_parts(cell: str) -> tuple[str, str] | None:
     """Real and imaginary part of a complex number, as text; None for another cell."""
     text = cell.strip()

@@ -34,20 +34,28 @@ def merge_duplicates(rows: Rows) -> Rows:
         return rows
     differences = _differences(rows, firsts)
     frequency, impedance = rows.frequency_hz.copy(), rows.impedance_ohm.copy()
-    sigma = None if rows.sigma_relative is None else rows.sigma_relative.copy()
     for array in (frequency, impedance):
         array[firsts] = (array[firsts] + array[firsts + 1]) / 2
-    if sigma is not None:
-        sigma[firsts] = np.maximum(sigma[firsts], sigma[firsts + 1])
     kept = np.flatnonzero(~np.concatenate([[False], pairs]))
+    sigma, rounding = (_larger_of_two(own, firsts, kept) for own in (rows.sigma_relative, rows.rounding_relative))
     return replace(
         rows,
         frequency_hz=frequency[kept],
         impedance_ohm=impedance[kept],
-        sigma_relative=None if sigma is None else sigma[kept],
+        sigma_relative=sigma,
+        rounding_relative=rounding,
         where=lambda row: rows.where(int(kept[row])),
         changes=(*rows.changes, _description(frequency[firsts], differences)),
     )
+
+
+def _larger_of_two(sigma: FloatArray | None, firsts: NDArray[np.intp], kept: NDArray[np.intp]) -> FloatArray | None:
+    """An error of each row that is kept, of two with one frequency the larger; None if it is not known."""
+    if sigma is None:
+        return None
+    larger = sigma.copy()
+    larger[firsts] = np.maximum(sigma[firsts], sigma[firsts + 1])
+    return larger[kept]
 
 
 @dataclass(frozen=True, eq=False)

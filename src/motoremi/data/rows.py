@@ -32,7 +32,7 @@ class Rows:
     ----------
     frequency_hz : ndarray, shape (n,)
     impedance_ohm : ndarray, shape (n,)
-    sigma_relative : ndarray, shape (n,), or None
+    sigma_relative, rounding_relative : ndarray, shape (n,), or None
     where : callable
         Number of a row -> file and line, for messages.
     changes : tuple of str
@@ -47,6 +47,7 @@ class Rows:
     where: Callable[[int], str]
     changes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    rounding_relative: FloatArray | None = None
 
 
 def used_rows(frequency_hz: FloatArray, band: Band | None, name: str) -> tuple[NDArray[np.intp], tuple[str, ...]]:

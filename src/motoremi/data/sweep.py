@@ -49,11 +49,14 @@ class ImpedanceSweep(ReadOnlyArrays):
         Complex, in ohm.
     sigma_relative : array_like, optional
         Standard deviation of the real and of the imaginary part of the relative noise, per point or one for all: 0.01 is 1 %.
+        It takes the place of a noise estimated from the sweep's own scatter.
     metadata : mapping, optional
         Origin of the data: file, instrument, settings.
     condition : Condition or str, optional
         What was set up for it, for example "second-temperature=53degC"; None is the motor as it is. Sweeps under a condition do not count as
         repeats of those without.
+    rounding_relative : array_like, optional
+        The same for the error because numbers were rounded to few digits, which scatter and repeats need not show: the noise is never below it.
 
     Raises
     ------
@@ -67,6 +70,7 @@ class ImpedanceSweep(ReadOnlyArrays):
     sigma_relative: FloatArray | None = None
     metadata: Mapping[str, Any] = field(default_factory=dict)
     condition: Condition | None = None
+    rounding_relative: FloatArray | None = None
 
     def __init__(
         self,
@@ -76,6 +80,7 @@ class ImpedanceSweep(ReadOnlyArrays):
         sigma_relative: ArrayLike | None = None,
         metadata: Mapping[str, Any] | None = None,
         condition: Condition | str | None = None,
+        rounding_relative: ArrayLike | None = None,
     ) -> None:
         if termination not in TERMINATIONS:
             raise BadInput(f"unknown termination {termination!r}: use 'short' or 'open'")
@@ -88,19 +93,11 @@ class ImpedanceSweep(ReadOnlyArrays):
             raise BadInput(f"{termination} sweep: the impedance at point {where + 1} ({frequency[where]:g} Hz) is not a finite number")
         if np.any(np.abs(impedance) > 1e15) or np.any(impedance == 0):
             raise BadInput(f"{termination} sweep: an impedance of 0 or above 1e15 Ohm marks a point that was not measured")
-        sigma = None
-        if sigma_relative is not None:
-            sigma = real_numbers(sigma_relative, f"{termination} sweep: the values of sigma_relative")
-            if sigma.shape not in ((), (1,), frequency.shape):
-                raise BadInput(f"{termination} sweep: {sigma.size} values of sigma_relative for {frequency.size} points: give one, or one for each")
-            if not np.all(np.isfinite(sigma)) or np.any(sigma <= 0):
-                raise BadInput(f"{termination} sweep: sigma_relative must be finite and above 0")
-            if np.any(sigma > 1):
-                raise BadInput(f"{termination} sweep: sigma_relative of {sigma.max():g} is more than |Z| itself: it is a fraction, 0.01 for 1 %")
-            sigma = np.broadcast_to(sigma, frequency.shape).copy()
+        sigma = _relative(sigma_relative, frequency.size, f"{termination} sweep", "sigma_relative")
+        rounding = _relative(rounding_relative, frequency.size, f"{termination} sweep", "rounding_relative")
         if condition is not None:
             refuse_other(condition, (str, Condition), f"{termination} sweep: a condition is a text such as 'second-temperature=53degC'")
-        for array in (frequency, impedance, sigma):
+        for array in (frequency, impedance, sigma, rounding):
             if array is not None:
                 array.flags.writeable = False
         for name, value in (
@@ -110,6 +107,7 @@ class ImpedanceSweep(ReadOnlyArrays):
             ("sigma_relative", sigma),
             ("metadata", frozen_metadata(metadata, f"{termination} sweep")),
             ("condition", parse_condition(condition) if isinstance(condition, str) else condition),
+            ("rounding_relative", rounding),
         ):
             object.__setattr__(self, name, value)
 
@@ -157,8 +155,10 @@ class ImpedanceSweep(ReadOnlyArrays):
         inside, change = inside_band(self.frequency_hz, low_hz, high_hz)
         if not change:
             return self
-        sigma = None if self.sigma_relative is None else self.sigma_relative[inside]
-        part = ImpedanceSweep(self.termination, self.frequency_hz[inside], self.impedance_ohm[inside], sigma, self.metadata, self.condition)
+        sigma, rounding = (None if own is None else own[inside] for own in (self.sigma_relative, self.rounding_relative))
+        part = ImpedanceSweep(
+            self.termination, self.frequency_hz[inside], self.impedance_ohm[inside], sigma, self.metadata, self.condition, rounding
+        )
         return part.with_change(change)
 
     @classmethod
@@ -172,27 +172,29 @@ class ImpedanceSweep(ReadOnlyArrays):
         termination, metadata, condition
             As in `ImpedanceSweep`.
         frame : DataFrame
-            With `sigma_relative` that is taken too; columns of other names are left alone. Rows from high to low frequencies are turned round; the
-            metadata `changes` record that.
+            With `sigma_relative` that is taken too, and `rounding_relative`, else the rounding is that of the numbers' digits; columns of
+            other names are left alone. Rows from high to low frequencies are turned round; the metadata `changes` record that.
 
         Raises
         ------
         BadInput
             As `ImpedanceSweep`, and if a column or its unit is missing or not known.
         """
-        frequency_hz, impedance_ohm, sigma_relative, changes = impedance_in(frame)
-        sweep = cls(termination, frequency_hz, impedance_ohm, sigma_relative, metadata, condition)
+        frequency_hz, impedance_ohm, sigma_relative, rounding_relative, changes = impedance_in(frame)
+        sweep = cls(termination, frequency_hz, impedance_ohm, sigma_relative, metadata, condition, rounding_relative)
         for change in changes:
             sweep = sweep.with_change(change)
         return sweep
 
     def to_frame(self) -> pd.DataFrame:
-        """A pandas table: frequency_hz, resistance_ohm, reactance_ohm, and sigma_relative where it is stated."""
+        """A pandas table: frequency_hz, resistance_ohm, reactance_ohm, and sigma_relative and rounding_relative where they are known."""
         import pandas as pd
 
         columns = {"frequency_hz": self.frequency_hz, "resistance_ohm": self.impedance_ohm.real, "reactance_ohm": self.impedance_ohm.imag}
         if self.sigma_relative is not None:
             columns["sigma_relative"] = self.sigma_relative
+        if self.rounding_relative is not None:
+            columns["rounding_relative"] = self.rounding_relative
         return pd.DataFrame(columns)
 
     def to_dict(self) -> JsonDict:
@@ -205,11 +207,26 @@ class ImpedanceSweep(ReadOnlyArrays):
             "sigma_relative": None if self.sigma_relative is None else self.sigma_relative.tolist(),
             "metadata": dict(self.metadata),
             **({} if self.condition is None else {"condition": self.condition.to_dict()}),
+            **({} if self.rounding_relative is None else {"rounding_relative": self.rounding_relative.tolist()}),
         }
 
     def plot(self) -> Figure:
         """Magnitude and phase over frequency, resonances marked."""
         return figure_of(self)
+
+
+def _relative(values: ArrayLike | None, points: int, what: str, name: str) -> FloatArray | None:
+    """A relative standard deviation of each point after its check; None if there is none."""
+    if values is None:
+        return None
+    sigma = real_numbers(values, f"{what}: the values of {name}")
+    if sigma.shape not in ((), (1,), (points,)):
+        raise BadInput(f"{what}: {sigma.size} values of {name} for {points} points: give one, or one for each")
+    if not np.all(np.isfinite(sigma)) or np.any(sigma <= 0):
+        raise BadInput(f"{what}: {name} must be finite and above 0")
+    if np.any(sigma > 1):
+        raise BadInput(f"{what}: {name} of {sigma.max():g} is more than |Z| itself: it is a fraction, 0.01 for 1 %")
+    return np.broadcast_to(sigma, points).copy()
 
 
 def checked_accuracy(percent: object) -> float:
@@ -297,6 +314,8 @@ class RepeatedSweep:
         Of each repeat: its file, or its place among the sweeps of the termination.
     left_out : tuple of str
         Names of the repeats that were left out because they are the other termination's sweep again (`data.mislabelled`).
+    rounding_relative : ndarray, shape (n,), or None
+        Error of one repeat because its numbers were rounded; with little noise all repeats have the same one, so that their mean has it too.
     """
 
     termination: Termination
@@ -308,6 +327,7 @@ class RepeatedSweep:
     copies: int = 0
     names: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    rounding_relative: FloatArray | None = None
 
     @property
     def repeats(self) -> int:
@@ -378,6 +398,8 @@ def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
                 )
         stated = [member.sigma_relative for member in members if member.sigma_relative is not None]
         sigma = np.sqrt(np.mean(np.square(stated), axis=0)) if len(stated) == len(members) else None
+        rounded = [np.zeros(len(first)) if member.rounding_relative is None else member.rounding_relative for member in members]
+        rounding = np.sqrt(np.mean(np.square(rounded), axis=0)) if np.any(rounded) else None
         kept = _without_copies([member.impedance_ohm for member in members])
         repeats = np.array([members[place].impedance_ohm for place in kept])
         sources = [str(member.metadata.get("source") or "") for member in members]
@@ -386,7 +408,8 @@ def group_repeats(sweeps: Iterable[ImpedanceSweep]) -> list[RepeatedSweep]:
             sources[place] if sources[place] and sources.count(sources[place]) == 1 else f"{sources[place]} number {place + 1}".lstrip()
             for place in kept
         )
-        groups.append(RepeatedSweep(termination, first.frequency_hz, repeats, sigma, copies=len(members) - len(kept), names=names))
+        copies = len(members) - len(kept)
+        groups.append(RepeatedSweep(termination, first.frequency_hz, repeats, sigma, copies=copies, names=names, rounding_relative=rounding))
     if not groups:
         raise BadInput("no impedance sweep: give a short-circuit sweep, an open-circuit sweep, or better both")
     return groups
