@@ -23,7 +23,7 @@ from motoremi.diagnosis.ladder_step import further, ladder_step
 from motoremi.diagnosis.machine_modes import added_with_modes
 from motoremi.diagnosis.whole_machine import added_near, added_together
 from motoremi.errors import BadInput
-from motoremi.fitting.fit import MODES, checked_held, fit
+from motoremi.fitting.fit import MODES, Known, also_from, checked_held, fit
 from motoremi.fitting.result import Fit, restore, same_error_model
 from motoremi.inspection.compare import Comparison, Tolerance, compare
 from motoremi.inspection.effect_signature import Signature, signature
@@ -99,8 +99,12 @@ def fit_session(
 ) -> Fit:
     """Fit the current model (the paper's circuit at first) and every step of the ladder below it.
 
+    What the session knows of these models is where the search starts from as well, so that no step becomes worse.
+
     Parameters
     ----------
+    seed : int
+        Of the search. A known solution that is better than what it finds stays.
     held : mapping, optional
         Values that are not fitted, in place of those of the last fit; None: those of the last fit.
     """
@@ -113,15 +117,40 @@ def fit_session(
     own = {parameter.name for parameter in dc_motor().parameters}
     count = 1 + len(model.effects)
     base_held = {n: v for n, v in fixed.items() if n in own}
-    steps = [fit(dc_motor(), measurement, seed=seed, method=method, bounds=bounds, held=base_held, progress=part(progress, 0, 1 / count))]
+    base = fit(dc_motor(), measurement, seed=seed, method=method, bounds=bounds, held=base_held, progress=part(progress, 0, 1 / count))
+    # The paper's algorithm is to be seen as it is.
+    steps = [base if method == "paper" else also_from(base, known_solutions(session, (), measurement), base_held)]
     for effect in model.effects:
         if progress is not None:
             progress(f"with {effect}", len(steps), count)
         before = {parameter.name for parameter in steps[-1].motor.parameters}
         new = {parameter.name for parameter in find_effect(effect).added_to(steps[-1].motor).parameters} - before
-        steps.append(steps[-1].add(effect, {n: v for n, v in fixed.items() if n in new}))
+        anew = steps[-1].add(effect, {n: v for n, v in fixed.items() if n in new})
+        steps.append(also_from(anew, known_solutions(session, anew.effects, measurement), fixed))
     save_ladder(store, steps, held=fixed)
     return steps[-1]
+
+
+def known_solutions(session: Session, effects: Sequence[str], measurement: Measurement) -> list[Known]:
+    """What the steps of the ladder and the diagnosis of a session say of the model with these effects, in whatever order they were added."""
+    diagnosed = (session.analysis("diagnosis") or {}).get("best")
+    stored = [step.get("fit", {}) for step in session.ladder]
+    records = [one for one in (*stored, diagnosed) if isinstance(one, dict) and sorted(one.get("effects", ["?"])) == sorted(effects)]
+    return [known for one in records if (known := _known(one, measurement)) is not None]
+
+
+def _known(record: JsonDict, measurement: Measurement) -> Known | None:
+    """A stored solution; None if this version cannot read it. A diagnosis holds values only, a step of the ladder the whole fit."""
+    try:
+        values = {str(name): float(one["value"] if isinstance(one, dict) else one) for name, one in record["parameters"].items()}
+        if not np.isfinite(list(values.values())).all():
+            return None
+        if "sizes" not in record or not same_error_model(record, measurement):
+            return Known(values)
+        stored = restore(record, measurement)
+    except (BadInput, KeyError, TypeError, ValueError, AttributeError):
+        return None
+    return Known({**stored.parameters, **stored.nuisance}, stored)
 
 
 class Refitted(NamedTuple):
@@ -261,7 +290,7 @@ def add_to_session(store: Store, effect: str, progress: Progress | None = None) 
     """
     find_effect(effect)  # a wrong name is reported before anything is fitted
     steps = current_steps(store)
-    ladder = [*steps, steps[-1].add(effect)]
+    ladder = [*steps, _no_worse_than_known(load(store.path), steps[-1].add(effect))]
     save_ladder(store, ladder, kept=len(steps))
     for portion in further(ladder[-1], effect, progress):
         ladder += portion
@@ -287,10 +316,16 @@ def add_several_to_session(store: Store, effects: Sequence[str], progress: Progr
         if added is None and MODES in effects:
             added = added_with_modes(steps[-1], together, each, part(progress, FITTING, 1))
         elif added is None:
-            added = added_together(steps[-1], together, each)
+            *fewer, last = added_together(steps[-1], together, each)
+            added = [*fewer, _no_worse_than_known(load(store.path), last)]
     ladder = [*steps, *added]
     save_ladder(store, ladder, kept=len(steps))
     return steps[-1], ladder[-1]
+
+
+def _no_worse_than_known(session: Session, fitted: Fit) -> Fit:
+    """A new step of the ladder, or the same from the values of the diagnosis, if that is better."""
+    return also_from(fitted, known_solutions(session, fitted.effects, fitted.measurement), session.held)
 
 
 def _as_diagnosed(store: Store, fit: Fit, effects: Sequence[str], each: Map) -> list[Fit] | None:

@@ -6,6 +6,7 @@ import dataclasses
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from motoremi.fitting.problem import Problem, checked_bounds
 from motoremi.fitting.race import ALL, Round, Rounds, Trail, race, raced_alone
 from motoremi.fitting.result import METHODS, Fit, on_fits, summarise
 from motoremi.fitting.search import (
+    AS_PROBABLE,
+    BEYOND_SIGMA,
+    CLOSER,
     FOLLOWED,
     GENERATIONS,
     PLAIN,
@@ -64,6 +68,9 @@ GLANCE_STEPS, GLANCE_STARTS = 12, 12
 # How a number of parts is chosen where it matters: of ten windings of 2 to 12 sections the right one is found for seven; by fewer steps or starts
 # for three to six.
 COUNTING = Rounds((Round(SEARCH_POINTS, 12, ALL, ALL), Round(SEARCH_POINTS, 40, 20, 6)), 0, SEARCH_POINTS)
+# A known solution takes the place of one that was found anew if it gains so much log evidence, or lowers an error of per cents by this share: less
+# is rounding, and the fit anew stays as it is.
+GAINED, LOWERED = 0.1, 1e-3
 
 
 @one_blas_thread
@@ -608,6 +615,89 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
     trail, solution, before = job
     whole = arrived_on_all(trail.task, [solution.values], solution.sizes, solution.searched)
     return summarise(trail.task, Found(whole, before.history, _searched(trail.task, whole)), before.method, before.seed)
+
+
+class Known(NamedTuple):
+    """A solution of a model that an earlier fit or a diagnosis has found, perhaps for other data, bounds or held values.
+
+    Parameters
+    ----------
+    values : dict
+        Parameters, and nuisances if they are known, in SI units.
+    fit : Fit, optional
+        The fit that they are of.
+    """
+
+    values: Mapping[str, float]
+    fit: Fit | None = None
+
+
+@one_blas_thread
+def also_from(fitted: Fit, known: Iterable[Known], held: Mapping[str, float] | None = None) -> Fit:
+    """A fit, or one of the same model from values that are known already, if that is better.
+
+    A search may miss what another one has found. Each known solution is only a place to start from: it is fitted to these data, moved into these
+    bounds, and what is held keeps its value.
+
+    Parameters
+    ----------
+    held : mapping, optional
+        What the user holds, in SI units. What an effect keeps while it is fitted, such as a number of parts, is that of the known solution.
+    """
+    for one in known:
+        found = _unless_the_same(one.fit, _from_known(fitted, one, held or {}), fitted)
+        if found is not None and _better_than(fitted, found):
+            fitted = found
+    return fitted
+
+
+def _unless_the_same(stored: Fit | None, found: Fit | None, fitted: Fit) -> Fit | None:
+    """What was found from a stored fit, or that fit itself where nothing is gained: fits that are repeated do not wander among equals."""
+    if stored is None or found is None or (stored.bounds, stored.held, stored.method) != (found.bounds, found.held, found.method):
+        return found
+    if _better_than(stored, found) or _better_than(found, stored):
+        return found
+    return dataclasses.replace(stored, seed=fitted.seed, history=found.history, evaluations=found.evaluations, elapsed_s=found.elapsed_s)
+
+
+def _from_known(fitted: Fit, known: Known, held: Mapping[str, float]) -> Fit | None:
+    """The model of a fit from a known solution; None if that has more parts than these data can determine."""
+    started = time.perf_counter()
+    fixed = {p.name: held[p.name] for p in fitted.motor.parameters if p.name in held}
+    tried = {f"{label}.{name}" for label in fitted.effects for name in find_effect(label.partition("#")[0]).effect.tried}
+    for p in fitted.motor.parameters:
+        if not p.vary and p.name not in fixed:
+            value = known.values.get(p.name, fitted.held.get(p.name))
+            if value is None or (p.name in tried and value > most_parts(fitted.measurement)):
+                return None
+            fixed[p.name] = value
+    task = dataclasses.replace(fitted.task, held=fixed)
+    effects = [find_effect(label.partition("#")[0]).effect for label in fitted.effects]
+    sizes, known_search = (None, {}) if known.fit is None else (known.fit.sizes, dict(known.fit.search_parameters))
+    if sizes is not None and misses_by_far(sizes) and any(effect.describes for effect in effects):
+        # As in `_described`: the likelihood would lead to another description.
+        problem = task.relative()
+        ends = polish(problem, problem.vectors([known.values]), iterations=100, precision=ROUGH)
+        solution = relative_solution(task, ends, sizes)
+    else:
+        solution = arrived_on_all(task, [known.values], sizes, known_search)
+    searched = known_search or _searched(task, solution)
+    result = summarise(task, Found(solution, fitted.history, searched), fitted.method, fitted.seed)
+    result = _hidden(result, [name for effect in effects for name in effect.hides]) if effects else with_larger_winding(result)
+    elapsed_s = fitted.elapsed_s + time.perf_counter() - started
+    return dataclasses.replace(result, evaluations=fitted.evaluations + result.evaluations, elapsed_s=elapsed_s)
+
+
+def _better_than(fitted: Fit, found: Fit) -> bool:
+    """Whether another solution of the same problem is better, compared as in a search: by probability, or by an error of per cents."""
+    if misses_by_far(fitted.sizes) and misses_by_far(found.sizes):
+        return found.rms_error_percent < (1 - LOWERED) * fitted.rms_error_percent
+    other, likelier = sorted((fitted, found), key=lambda one: one.log_evidence)
+    # The analyser's errors may absorb what the circuit does not describe.
+    comparable = likelier.analyser_sigma > BEYOND_SIGMA or other.log_evidence > likelier.log_evidence - AS_PROBABLE
+    if comparable and other.rms_error_percent < CLOSER * likelier.rms_error_percent:
+        return other is found
+    return found.log_evidence > fitted.log_evidence + GAINED
 
 
 def _searched(task: Task, solution: Solution) -> dict[str, float]:
