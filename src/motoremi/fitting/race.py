@@ -58,6 +58,8 @@ class Rounds(NamedTuple):
     points: int
 
 
+# Twice what the likelihood needs: of a set of effects that leaves less, what another one does shows in the likelihood.
+LITTLE = 2 * PLAIN
 ALL = 10_000
 # Of the models fitted by the likelihood, so many, and all that are so near the best in log evidence, are refined until their error sizes are the
 # most probable; those whose sizes still change by much may gain more by it.
@@ -92,7 +94,7 @@ THOROUGH = Rounds((Round(80, 7, ALL, 1), Round(80, 40, 9, 1)), 1, 120)
 
 def little_is_left(sizes: Sizes) -> bool:
     """Whether the undescribed part is small, and not because the analyser's errors were increased until they absorbed it."""
-    return sizes.discrepancy < 2 * PLAIN and sizes.declared <= MOST_DECLARED
+    return sizes.discrepancy < LITTLE and sizes.declared <= MOST_DECLARED
 
 
 @dataclass(frozen=True)
