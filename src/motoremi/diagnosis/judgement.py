@@ -426,8 +426,9 @@ class Judgement:
         base = self.base
         # Median over the points of what the analyser may err by.
         typical_percent = 100 * float(np.median(np.concatenate(base.measurement.floors)))
-        slight = acceptance_of(base, base) == "slight" and base.unexplained_percent["value"] <= typical_percent
-        return dataclasses.replace(self, none_named=True) if base.within_specification or slight else None
+        acceptance = acceptance_of(base, base)
+        enough = acceptance == "explained" or (acceptance == "slight" and base.unexplained_percent["value"] <= typical_percent)
+        return dataclasses.replace(self, none_named=True) if base.within_specification or enough else None
 
     @property
     def alternatives(self) -> list[Key]:
