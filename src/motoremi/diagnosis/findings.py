@@ -13,6 +13,7 @@ from motoremi.data.mislabelled import EXCHANGED, exchanged, measured_twice
 from motoremi.data.moved import student_factor
 from motoremi.data.plausible import SENTENCES, wrong_phase
 from motoremi.data.sweep import RepeatedSweep
+from motoremi.data.trace_smoothing import Smoothing, smoothing_of
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import BEYOND_SIGMA
@@ -79,6 +80,14 @@ def of_the_noise(fit: Fit, left_percent: float = 0.0) -> list[Finding]:
         return size > COULD_PASS * white and 100 * size * COULD_PASS > left_percent
 
     found = []
+    smoothing = smoothing_of(fit.measurement.sweeps, fit.measurement.noise)
+    smoothed: tuple[RepeatedSweep, ...] = ()
+    if smoothing is not None:
+        smoothed = smoothing.sweeps
+        white = max(
+            float(np.median(noise.sigma)) for sweep, noise in zip(fit.measurement.sweeps, fit.measurement.noise, strict=True) if sweep in smoothed
+        )
+        found.append(_smoothed(smoothing, serious(float(np.sqrt(np.mean(np.concatenate(smoothing.changes) ** 2))))))
     for sweep, noise in zip(fit.measurement.sweeps, fit.measurement.noise, strict=True):
         name, frequency, white = sweep.termination, sweep.frequency_hz, float(np.median(noise.sigma))
         if noise.outliers is not None and noise.outliers.any():
@@ -98,7 +107,7 @@ def of_the_noise(fit: Fit, left_percent: float = 0.0) -> list[Finding]:
             )
         if sweep.moved is not None:
             found.append(_leads_moved(sweep, sweep.moved))
-        elif noise.correlated is not None and noise.source == "repeats":
+        elif noise.correlated is not None and noise.source == "repeats" and sweep not in smoothed:
             alike = float(np.median(noise.correlated_sigma))
             found.append(
                 Finding(
@@ -112,6 +121,23 @@ def of_the_noise(fit: Fit, left_percent: float = 0.0) -> list[Finding]:
                 )
             )
     return found
+
+
+def _smoothed(smoothing: Smoothing, serious: bool) -> Finding:
+    """A moving average of the instrument; without a place if it is in all of several sweeps."""
+    names = [sweep.termination for sweep in smoothing.sweeps]
+    sweep = names[0] if len(names) == 1 else None
+    change = max(float(own.max()) for own in smoothing.changes)
+    return Finding(
+        "correlated-noise",
+        f"neighbouring points of the {' and the '.join(names)} sweep scatter together as averages over about {smoothing.points} points do: "
+        "smoothing, or averaging over frequency, seems to be switched on in the analyser. It flattens sharp resonances, as no circuit does: "
+        f"averaging so once more would change |Z| by up to {percent(100 * change, 2)}",
+        "switch smoothing off (a narrower bandwidth or averaged sweeps lower the noise as well), and repeat the sweeps",
+        serious,
+        sweep,
+        _span(smoothing.sweeps[0].frequency_hz) if sweep else None,
+    )
 
 
 def _leads_moved(sweep: RepeatedSweep, sigma: FloatArray) -> Finding:
