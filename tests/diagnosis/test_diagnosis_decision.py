@@ -585,3 +585,11 @@ def test_a_base_that_is_explained_is_adequate_though_a_bent_law_is_more_probable
     decision = decided(base.fit, found)  # type: ignore[arg-type]
     assert decision.accepted
     assert decision.named == ()
+
+
+def test_a_cell_that_is_larger_than_the_winding_has_exchanged_places_with_it(healthy):
+    added = healthy.add("second-resonance")
+    label, henry = "second-resonance.inductance_h", healthy.parameters["La"]
+    for factor, exchanged in ((0.1, False), (10.0, True)):
+        one = dataclasses.replace(added, parameters={**added.parameters, label: factor * henry, "La": henry})
+        assert Candidate(("second-resonance",), one, 0.0, ()).exchanged == exchanged

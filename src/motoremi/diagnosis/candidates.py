@@ -86,6 +86,16 @@ class Candidate:
         """Whether the model describes everything, with ordinary values."""
         return self.done and self.ordinary
 
+    @property
+    def exchanged(self) -> bool:
+        """Whether an effect has exchanged places with an element (`Effect.less_than`): then it describes the winding, and La what is beside it."""
+        values = self.fit.parameters
+        for label in own_labels(self.fit.motor.effects, self.added):
+            limits = find_effect(label.partition("#")[0]).effect.less_than
+            if any(values[f"{label}.{name}"] > values.get(element, np.inf) for name, element in limits.items()):
+                return True
+        return False
+
     @cached_property
     def unusual(self) -> tuple[str, ...]:
         """Parameters of flexible laws (`FLEXIBLE`) outside their usual range by more than their uncertainty, or of a resonance that is overdamped.

@@ -80,6 +80,9 @@ class MotorBoard:
 
     def sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> list[Candidate]:
         """Of all single effects, all pairs, or all third effects beside the best pair: those near the best, and the next ones with usual values."""
+        return [one for one in self._sets(size, found, progress) if not one.exchanged]
+
+    def _sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> list[Candidate]:
         if size == 1:
             trails, solutions = self._singles({name: trail_to(self._base, name) for name in possible_effects(self._base)}, progress)
         elif size > 2:
@@ -200,7 +203,7 @@ class MotorBoard:
         # Look-alikes are fitted to the end: only the likelihood distinguishes them.
         solutions = [race(alike, LOOK_ALIKE, list(alike), each=self._each).solutions, race(others, LOOK_NEAR, each=self._each).solutions]
         found = [one for group in solutions for one in self._refitted(trails, self._near_best(len(model.added), group))]
-        return found + self._renamed(model, effect, trails)
+        return [one for one in (*found, *self._renamed(model, effect, trails)) if not one.exchanged]
 
     def _renamed(self, model: Candidate, effect: str, trails: Mapping[str, Trail]) -> list[Candidate]:
         """The same circuit under another name, for each effect with the same law: races compare plain errors and may leave this solution."""

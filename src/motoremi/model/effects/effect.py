@@ -80,6 +80,8 @@ class Effect:
     imitated : mapping
         Place -> a cause outside the catalogue that has nearly the same impedance there (for a law with a flexible shape) and responds alike to
         every measurement of the menu.
+    less_than : mapping
+        Parameters that are smaller than an element of the motor, which would otherwise have exchanged places with the effect.
     damping_ratio : callable, optional
         That of its resonance, which `resistance_ohm` damps, from its parameters by short name. Above 1 nothing resonates: such values are unusual.
     odds : float
@@ -117,6 +119,7 @@ class Effect:
     beside: Mapping[str, str] = field(default_factory=dict)
     imitated: Mapping[str, str] = field(default_factory=dict)
     excludes: tuple[str, ...] = ()
+    less_than: Mapping[str, str] = field(default_factory=dict)
     damping_ratio: Callable[[Mapping[str, float]], float] | None = None
     odds: float = 1.0
 

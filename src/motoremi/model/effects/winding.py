@@ -257,6 +257,7 @@ EFFECTS = (
         ),
         repeatable=True,
         reader=rational_starts.second_cell,
+        less_than={"inductance_h": "La"},
         damping_ratio=lambda own: np.pi * own["resonance_hz"] * own["inductance_h"] / own["resistance_ohm"],
         responds={"end-turn-touched": {"resonance_hz": 0.97}},
         seen_as=("inductance-resonance", "cell"),
