@@ -483,7 +483,7 @@ def diagnose_(
     for span in result.where:
         share = f"{100 * span['share']:.0f} % of the squared error beyond the uncertainty"
         say(f"  fails: {span['sweep']} {show_band(*span['band_hz'])}, {share}")
-    say("  evidence of single effects (best first):")
+    say("  single effects, best first (p: share of the probability of all sets of effects that were found):")
     for candidate in result.candidates[:6]:
         probability = after_verdict(result.probabilities[candidate.effect], result.verdict, result.confidence)
         say(f"    {candidate.effect:28s} p {probability:<9.3g} {_errors(candidate.fit)}  {candidate.describe()}")
