@@ -1,6 +1,6 @@
 """Whether an instrument smoothed its trace: noise that is a moving average over neighbouring points of one sweep.
 
-White noise that is averaged over m neighbours has correlations that fall on a straight line to nothing at a distance of m points, so that its
+White noise whose mean over m neighbours is shown has correlations that fall on a straight line to nothing at a distance of m points, so that its
 spectrum has zeros. Noise that is correlated for other causes (flicker, drift, cables) has none, and nearly always a white part besides. The
 likelihood of each is compared, in windows from which the curve is removed: a parabola from the differences of repeats, a local rational function
 from a single sweep. The size of the noise in each window is free.
@@ -29,8 +29,10 @@ OF_REPEATS, OF_ONE = 25, 20
 PARABOLA = 3
 # Points, about, that are examined: enough to see it, and a hundred thousand would take seconds.
 ENOUGH = 1000
-# Numbers of points of a moving average: analysers offer odd ones, or a percentage of the span.
-AVERAGED = (3, 4, 5, 6, 7, 9, 11, 13, 15)
+# Numbers of points of a moving average: analysers offer odd ones, or a percentage of the span. Then of a parabola through so many neighbours
+# (Savitzky and Golay), which programs offer. An average without zeros in its spectrum, such as a Gaussian, looks like what a local rational
+# function leaves of a sharp curve, so it is not sought.
+AVERAGED, PARABOLAS = (3, 4, 5, 6, 7, 9, 11, 13, 15), (5, 7, 9, 11, 15)
 # Share of white noise beside that of a moving average, from the digits of the trace and what is added behind it.
 WHITE_BESIDE = (0.001, 0.01, 0.03)
 # Correlation lengths in points of other noise, and its share of the variance: an Ornstein-Uhlenbeck process has a spectrum of 1/f^2 at last, a
@@ -38,11 +40,24 @@ WHITE_BESIDE = (0.001, 0.01, 0.03)
 LENGTHS, SHARES = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 16.0, 40.0), (0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 0.999)
 # In a window in which the curve is not removed, the rest is as smooth as this many points; one in so many windows may be such.
 CURVE_LENGTH, OF_CURVE = 16.0, 0.2
-# Log likelihood ratio of the best moving average to the best other noise. With white noise, or any of the other ones, the probability that a
-# certain average gains so much is below e^-10 (Markov's inequality), so below 0.2 % for all of them together. In fact the largest of 600 simulated
-# sweeps of white noise was 1.2, of 200 with disturbances of all sorts -2, of 900 motors whose noise is far below their curve 3.3; of sweeps of
-# 201 points averaged over 5, one alone has 5 to 28, three repeats 55 to 85.
+# Log likelihood ratio of the best moving average to the best other noise. If the noise is one of the other ones, such as white noise, a certain
+# average gains so much with a probability below e^-10 (Markov's inequality for a likelihood ratio), any of them below 0.2 %. In fact the largest of
+# 600 simulated sweeps of white noise was 1.2, of 200 with disturbances of all sorts -2, of 900 motors whose noise is far below their curve 3.3; of
+# sweeps of 201 points averaged over 5, one alone has 5 to 41, three repeats 55 to 85.
 GAIN = 10.0
+
+
+def _parabola(points: int) -> FloatArray:
+    powers = np.vander(np.linspace(-1, 1, points), 3)
+    return np.asarray((powers @ np.linalg.pinv(powers))[points // 2])
+
+
+def _mean(points: int) -> FloatArray:
+    return np.full(points, 1 / points)
+
+
+# Weights of the neighbours in the averages that are compared.
+AVERAGES: tuple[FloatArray, ...] = (*map(_mean, AVERAGED), *map(_parabola, PARABOLAS))
 
 
 class Smoothing(NamedTuple):
@@ -50,22 +65,27 @@ class Smoothing(NamedTuple):
 
     Parameters
     ----------
-    points : int
-        Number of neighbouring points that are averaged, about.
+    weights : ndarray
+        Of the neighbouring points.
     log_odds : float
         Log likelihood ratio to noise that is correlated otherwise.
     sweeps : tuple of RepeatedSweep
         In which it is seen.
     """
 
-    points: int
+    weights: FloatArray
     log_odds: float
     sweeps: tuple[RepeatedSweep, ...]
 
     @property
+    def points(self) -> int:
+        """Number of equally weighted points whose mean lowers white noise as much."""
+        return round(1 / float(np.sum(self.weights**2)))
+
+    @property
     def changes(self) -> list[FloatArray]:
         """How much averaging once more would change each sweep, relative to Z, shape (n,): about as much as it was changed already."""
-        return [_changed_by_averaging(sweep.mean_ohm, self.points) for sweep in self.sweeps]
+        return [_changed_by_averaging(sweep.mean_ohm, self.weights) for sweep in self.sweeps]
 
 
 def smoothing_of(sweeps: Sequence[RepeatedSweep], noise: Sequence[Noise]) -> Smoothing | None:
@@ -81,16 +101,16 @@ def smoothing_of(sweeps: Sequence[RepeatedSweep], noise: Sequence[Noise]) -> Smo
     examined = [(sweep, gains) for sweep, gains in pairs if gains]
     for together in (examined, *([one] for one in examined if len(examined) > 1)):
         # It is a setting of the analyser, which mostly stays the same.
-        total = {points: sum(gains[points] for _, gains in together) for points in AVERAGED} if together else {}
-        points = max(total, key=lambda one: total[one], default=0)
-        if total and total[points] > GAIN:
-            return Smoothing(points, total[points], tuple(sweep for sweep, _ in together))
+        total = np.sum([gains for _, gains in together], axis=0) if together else np.zeros(1)
+        best = int(np.argmax(total))
+        if total[best] > GAIN:
+            return Smoothing(AVERAGES[best], float(total[best]), tuple(sweep for sweep, _ in together))
     return None
 
 
 @one_blas_thread
-def average_gains(sweep: RepeatedSweep, noise: Noise) -> dict[int, float]:
-    """Log likelihood ratio of each moving average, by its number of points, to the best other noise.
+def average_gains(sweep: RepeatedSweep, noise: Noise) -> list[float]:
+    """Log likelihood ratio of each of `AVERAGES` to the best other noise.
 
     Empty if the sweep is too short, or if the rounding of its numbers is most of its noise.
     """
@@ -99,7 +119,7 @@ def average_gains(sweep: RepeatedSweep, noise: Noise) -> dict[int, float]:
     # A last digit that stays the same over several points is no average of them.
     rounded = sweep.rounding_relative is not None and np.median(noise.sigma) < 2 * np.median(sweep.rounding_relative)
     if sweep.frequency_hz.size < 2 * width or rounded:
-        return {}
+        return []
     starts = np.arange(0, sweep.frequency_hz.size - width + 1, width)
     windows = starts[:: max(1, starts.size * width // ENOUGH), None] + np.arange(width)
     if sweep.repeats > 1:
@@ -111,23 +131,21 @@ def average_gains(sweep: RepeatedSweep, noise: Noise) -> dict[int, float]:
     inside = np.einsum("...ij,...i->...j", spaces.conj(), values)
     differs = np.any(inside != 0, axis=1)
     if not differs.any():
-        return {}
+        return []
     inside, spaces = inside[differs], spaces if len(spaces) == 1 else spaces[differs]
     others, averages = _correlations(width)
     curve = _log_likelihoods(inside, spaces, _of_the_curve(width))
     # In each window the rest of the curve may be what is seen, whatever the noise is.
     best_other = max(_together(_log_likelihoods(inside, spaces, one), curve) for one in others)
-    gains: dict[int, float] = {}
-    for points, one in averages:
-        gains[points] = max(gains.get(points, -np.inf), _together(_log_likelihoods(inside, spaces, one), curve) - best_other)
-    return gains
+    return [max(_together(_log_likelihoods(inside, spaces, one), curve) for one in kind) - best_other for kind in averages]
 
 
-def _changed_by_averaging(impedance_ohm: ComplexArray, points: int) -> FloatArray:
+def _changed_by_averaging(impedance_ohm: ComplexArray, weights: FloatArray) -> FloatArray:
+    points = weights.size
     # At the ends there are no neighbours to average.
     inside = slice((points - 1) // 2, impedance_ohm.size - points // 2)
     changed = np.zeros(impedance_ohm.size)
-    changed[inside] = np.abs(np.convolve(impedance_ohm, np.full(points, 1 / points), "valid") / impedance_ohm[inside] - 1)
+    changed[inside] = np.abs(np.convolve(impedance_ohm, weights, "valid") / impedance_ohm[inside] - 1)
     return changed
 
 
@@ -174,12 +192,17 @@ def _of_the_curve(width: int) -> FloatArray:
 
 
 @lru_cache(maxsize=2)
-def _correlations(width: int) -> tuple[Sequence[FloatArray], Sequence[tuple[int, FloatArray]]]:
-    """Correlations between the points of a window of noise that is not averaged, and of averages with their numbers of points."""
+def _correlations(width: int) -> tuple[Sequence[FloatArray], Sequence[Sequence[FloatArray]]]:
+    """Correlations between the points of a window of noise that is not averaged, and of each average with some white noise."""
     place, white = np.arange(width, dtype=np.float64), np.eye(width)
     kinds: Iterable[FloatArray] = [kind for length in LENGTHS for kind in (np.exp(-_distance(width) / length), matern(place, place, length))]
     others = [white, *(share * kind + (1 - share) * white for kind in kinds for share in SHARES)]
-    averages = [
-        (points, (1 - beside) * np.maximum(1 - _distance(width) / points, 0.0) + beside * white) for points in AVERAGED for beside in WHITE_BESIDE
-    ]
+    averages = [[(1 - beside) * _of_average(weights, width) + beside * white for beside in WHITE_BESIDE] for weights in AVERAGES]
     return others, averages
+
+
+def _of_average(weights: FloatArray, width: int) -> FloatArray:
+    by_distance = np.zeros(width)
+    own = np.correlate(weights, weights, "full")[weights.size - 1 :][:width]
+    by_distance[: own.size] = own / own[0]
+    return np.asarray(by_distance[_distance(width).astype(np.intp)])
