@@ -311,7 +311,7 @@ def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_a
 
     monkeypatch.setattr(motor_board, "race", raced)
     monkeypatch.setattr(motor_board, "on_all_points", fitted)
-    monkeypatch.setattr(motor_board, "candidate", lambda fit, base: SimpleNamespace(fit=fit, done=False, leaves_nothing=False))
+    monkeypatch.setattr(motor_board, "candidate", lambda fit, base: SimpleNamespace(fit=fit, done=False, leaves_nothing=False, exchanged=False))
     monkeypatch.setattr(motor_board, "counted", lambda trail, **_: trail)
     monkeypatch.setattr(motor_board, "left_behind", lambda *_: {})
     board = motor_board.MotorBoard(base)

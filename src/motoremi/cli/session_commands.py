@@ -320,7 +320,7 @@ def verify_(path: SessionPath, as_json: AsJson = False) -> None:
 def fit_(
     path: SessionPath,
     method: Annotated[str, typer.Option(help="ant-colony, or paper for the algorithm as printed in the paper.")] = "ant-colony",
-    seed: Annotated[int, typer.Option(help="Start of the random numbers; the same seed gives the same result from the same stored ladder and diagnosis.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Start of the random numbers; the same seed and ladder give the same result.", min=0)] = 1,
     bound: Annotated[
         list[str] | None, typer.Option("--bound", metavar="NAME=LOW:HIGH", help='For example "La=1 uH:100 uH"; may be repeated.')
     ] = None,
