@@ -81,13 +81,17 @@ def _beginnings(base: Fit, names: Effects, each: Map) -> list[tuple[Fit, Trail, 
 
 
 def _least(jobs: Sequence[tuple[Fit, Trail, Solution]], each: Map, progress: Progress | None) -> _Ladder:
-    """Of the ladders with modes from all beginnings the one whose end errs least."""
+    """Of the ladders with modes from all beginnings the shortest of those that describe enough; the one whose end errs least if none does.
+
+    With more modes any of them errs less, also with modes that describe nothing real.
+    """
     ladders = []
     for ladder in each(_with_modes, jobs):
         ladders.append(ladder)
         if progress is not None:
             progress("modes of the winding", len(ladders), len(jobs))
-    return min(ladders, key=lambda ladder: ladder.steps[-1].rms_error_percent)
+    enough = [ladder for ladder in ladders if ladder.steps[-1].explained]
+    return min(enough or ladders, key=lambda ladder: (len(ladder.steps) if enough else 0, ladder.steps[-1].rms_error_percent))
 
 
 class _Ladder(NamedTuple):

@@ -192,29 +192,11 @@ def _held(problem: Problem, u: FloatArray, here: Linearised) -> BoolArray:
 
 
 def _newton(problem: Problem, u: FloatArray, here: Linearised, damped: FloatArray) -> _Newton:
-    """The step without unknowns that would leave the region across a bound at which they are.
-
-    Such an unknown stays where it is, and a long step of it would shorten that of all others: it is held, and the step is solved again.
-    """
-    full = _solved(here, damped, _held(problem, u, here))
-    rows = np.arange(len(u))
-    while True:
-        step = full.step[rows]
-        beyond = ((u[rows] <= problem.low) & (step < 0)) | ((u[rows] >= problem.high) & (step > 0))
-        left = beyond.any(axis=1)
-        if not left.any():
-            return full._replace(step=_limited(full.step))
-        rows = rows[left]
-        again = _solved(here.subset(rows), damped[rows], full.held[rows] | beyond[left])
-        for part, solved in zip(full, again, strict=True):
-            part[rows] = solved
-
-
-def _solved(here: Linearised, damped: FloatArray, held: BoolArray) -> _Newton:
+    held = _held(problem, u, here)
     right = np.where(held, 0.0, here.gradient)
     system = _free_part(here.matrix, held)
     _diagonal(system)[...] = np.where(held, 1.0, _diagonal(here.matrix) * (1 + damped[:, None]) + 1e-12)
-    return _Newton(np.asarray(-np.linalg.solve(system, right[..., None])[..., 0]), right, held, system)
+    return _Newton(_limited(np.asarray(-np.linalg.solve(system, right[..., None])[..., 0])), right, held, system)
 
 
 def _expected(here: Linearised, right: FloatArray, step: FloatArray) -> FloatArray:
