@@ -291,6 +291,24 @@ def test_a_wire_that_ties_the_far_end_is_told_as_part_of_the_setup(henry: float)
     assert found.best.parameters["far-end-tie.inductance_h"] == pytest.approx(henry, rel=0.05)
 
 
+def test_names_from_sweeps_that_the_instrument_smoothed_are_not_sure() -> None:
+    """A running mean over five points of three repeats each; a loss across the inductance."""
+    rng, frequency = np.random.default_rng(9), grid(201)
+    s = 2j * np.pi * frequency
+    coil = 1 / (1 / (s * DAMPED["La"]) + 1 / 4e3) + DAMPED["Ra"]
+    winding = 1 / (1 / coil + s * DAMPED["Ca"])
+    frame = impedance(DAMPED, "open", frequency) - impedance(DAMPED, "short", frequency)
+    sweeps = []
+    for name, z in (("short", winding), ("open", winding + frame)):
+        for _ in range(3):
+            read = np.pad(z * (1 + 2e-3 * complex_normal(rng, 201)), 2, mode="edge")
+            sweeps.append(me.ImpedanceSweep(name, frequency, np.convolve(read, np.full(5, 0.2), mode="valid")))
+    with seeking({*FEW, "field-coupling", "permeability-relaxation"}):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a"))
+    assert any(finding.id == "correlated-noise" and finding.serious for finding in found.findings)
+    assert found.confidence <= 0.5 if found.effects else found.verdict in ("data", "unexplained")
+
+
 def test_a_contact_of_an_ohm_is_named_though_little_is_left():
     sweeps = [
         me.ImpedanceSweep(s.termination, s.frequency_hz, s.impedance_ohm + (1.0 if s.termination == "open" else 0))

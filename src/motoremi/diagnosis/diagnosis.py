@@ -525,6 +525,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("hardly matters")
     if named and judgement.beyond_specification:
         kinds.append("names beyond the specification")
+    if named and any(finding.id == "correlated-noise" and finding.serious for finding in findings):
+        kinds.append("names, neighbouring points correlated")
     if named and any(finding.id == "not-as-declared" for finding in findings):
         kinds.append("names, not as declared")
     if judgement.acceptance in ("mostly", "slight"):
