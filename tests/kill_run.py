@@ -39,6 +39,8 @@ DEADLINE_S = 60
 # Runs for each one to be stopped, and range of the moments, in multiples of the time that a run takes: while other programs work, runs take longer,
 # and from that time alone most moments would lie before the first sweep. A run that ends before its moment does not count.
 ATTEMPTS, LONGER = 4, 1.5
+# Runs that are not stopped, for their duration.
+WHOLE = 3
 
 
 def forked(work: Callable[[], None]) -> int:
@@ -121,10 +123,14 @@ def main(number: signal.Signals, count: int, name: str, root: Path) -> dict[str,
     bench, procedure = SimulatedBench(SEED), procedure_of(name)
     # What the stand's emission is takes seconds to work out: once, here, and not in every run.
     begin(root / "first", SimulatedBench(SEED), os.open(os.devnull, os.O_WRONLY), procedure)
-    begun = time.perf_counter()
-    one(root / "whole", bench, procedure, number, None)
-    duration_s = time.perf_counter() - begun
-    reference = stored(root / "whole")
+    durations_s = []
+    for turn in range(WHOLE):
+        begun = time.perf_counter()
+        one(root / f"whole-{turn}", bench, procedure, number, None)
+        durations_s.append(time.perf_counter() - begun)
+    # Of a run that was slowed down by others, most moments would come after the end of the runs to stop.
+    duration_s = min(durations_s)
+    reference = stored(root / "whole-0")
     randomly = random.Random(1)
     kills, lost, kept, problems = 0, 0, Counter[int](), []
     for _ in range(ATTEMPTS * count):

@@ -115,7 +115,7 @@ def test_a_known_solution_keeps_to_bounds_and_to_what_is_held(fitted):
     # And what was held by the known one is free.
     free = also_from(missed(fitted, {**fitted.parameters, **WRONG}), [Known(dict(bounded.parameters), bounded)])
     assert free.held == {}
-    assert free.log_evidence == pytest.approx(fitted.log_evidence, abs=0.1)
+    assert free.log_evidence > fitted.log_evidence - 0.1
 
 
 def test_a_fit_of_a_session_never_makes_a_step_worse(session, missing):

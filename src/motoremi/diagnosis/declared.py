@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, BETWEEN_PORTS, DEFAULT_ANALYSER, TRANSMISSION, Analyser
-from motoremi.diagnosis.judgement import ALIKE, ONE_EFFECT, Judgement, accurate, judge
+from motoremi.diagnosis.judgement import ALIKE, HALF, ONE_EFFECT, Judgement, accurate, judge
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit, summarise
 from motoremi.fitting.search import BEYOND_SIGMA, Found, Task, arrived_on_all
 from motoremi.progress import part
@@ -76,7 +76,11 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         odds = other.best.score - first.best.score
         # It counts only if it needs no errors beyond its own specification and its circuit errs little more. An ideal analyser leaves its errors to
         # the effects, so that only the base is compared.
-        limits = [ALIKE * first.base.rms_error_percent, *([] if declared.ideal else [AS_CLOSE * first.best.fit.rms_error_percent])]
+        # An effect that leaves as much undescribed as the base only takes the place of the analyser's errors: its circuit says nothing.
+        describes = best.unexplained_percent["value"] <= HALF * first.base.unexplained_percent["value"]
+        limits = [ALIKE * first.base.rms_error_percent]
+        if describes and not declared.ideal:
+            limits.append(AS_CLOSE * best.rms_error_percent)
         as_close = other.model.fit.rms_error_percent <= min(limits)
         within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and as_close
         if odds > TAKEN and other.accepted and within:

@@ -155,7 +155,8 @@ EFFECTS = (
             _SKIN,
         ),
         limit="resistance_ohm, inductance_h, skin_ohm -> 0",
-        limit_values={"resistance_ohm": 0.0, "inductance_h": 0.0, "skin_ohm": 0.0},
+        # Not 0, at which a line has no admittance at its end.
+        limit_values={"resistance_ohm": 1e-9, "inductance_h": 0.0, "skin_ohm": 0.0},
         signature="short-circuit sweep only: inductive at high f, where the open one has nothing of it",
         look_alikes=("lead-inductance", "contact-resistance"),
         deciding="tie the far end with a wide strap as short as possible, and repeat the short-circuit sweep",
