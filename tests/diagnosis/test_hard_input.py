@@ -18,6 +18,7 @@ from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.cli.app import app
 from motoremi.data.analyser import error_basis, find_analyser
 from motoremi.data.csvfiles import write_impedance_csv
+from motoremi.diagnosis.candidates import possible_effects
 from motoremi.diagnosis.diagnosis import Diagnosis
 from motoremi.errors import BadInput
 from motoremi.model.effects import find_effect
@@ -284,6 +285,7 @@ def test_a_wire_that_ties_the_far_end_is_told_as_part_of_the_setup(henry: float)
         me.ImpedanceSweep(name, frequency, z * (1 + 5e-4 * complex_normal(rng, 201)))
         for name, z in (("short", winding + 1 / (1 / tie + 1 / frame)), ("open", winding + frame))
     ]
+    assert "far-end-tie" not in possible_effects(me.fit(me.dc_motor(), sweeps[:1], analyser="4294a"))
     with seeking({*FEW, "far-end-tie", "short-residual", "second-resonance"}):
         found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a"))
     assert (found.verdict, found.effects) == ("instrument", ("far-end-tie",))

@@ -318,6 +318,8 @@ def _possible(fit: Fit, name: str, lowest_hz: float) -> bool:
     added = find_effect(name)
     if added.effect.of_ranges and fit.measurement.analyser.by_waves:
         return False
+    if not set(added.effect.needs) <= set(fit.measurement.terminations):
+        return False
     if not (added.fits(fit.motor) and added.differs_in(fit.motor)):
         return False
     return not added.effect.describes and lowest_hz <= added.effect.below_hz

@@ -162,6 +162,8 @@ EFFECTS = (
         deciding="tie the far end with a wide strap as short as possible, and repeat the short-circuit sweep",
         source="inductance of straight wires: Grover, Inductance Calculations (1946)",
         change=_tie,
+        # Without the open sweep the path through the frame is not known: beside the wire it would bend to any curve, and leads do as well.
+        needs=("open",),
         starts=tuple({**rational_starts.CONDUCTOR_REST, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
     ),
 )

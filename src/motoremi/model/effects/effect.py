@@ -80,6 +80,8 @@ class Effect:
     imitated : mapping
         Place -> a cause outside the catalogue that has nearly the same impedance there (for a law with a flexible shape) and responds alike to
         every measurement of the menu.
+    needs : tuple of str
+        Terminations without whose sweep it is not sought.
     less_than : mapping
         Parameters that are smaller than an element of the motor, which would otherwise have exchanged places with the effect.
     damping_ratio : callable, optional
@@ -119,6 +121,7 @@ class Effect:
     beside: Mapping[str, str] = field(default_factory=dict)
     imitated: Mapping[str, str] = field(default_factory=dict)
     excludes: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
     less_than: Mapping[str, str] = field(default_factory=dict)
     damping_ratio: Callable[[Mapping[str, float]], float] | None = None
     odds: float = 1.0
