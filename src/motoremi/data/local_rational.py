@@ -36,6 +36,20 @@ class LocalEquations(NamedTuple):
         x = x / np.abs(x).max(axis=1, keepdims=True)
         return cls(x, values, np.stack([np.ones_like(values), x + 0j, x**2 + 0j, -values * x, -values * x**2], axis=2))
 
+    def weights(self, noise: FloatArray) -> FloatArray:
+        """Weights of the equations for a noise of the values, both of shape (n, k).
+
+        The noise of each equation is that of the point times the denominator there (Sanathanan, Koerner, 1963), which a first solution gives.
+        """
+        weight = 1 / noise
+        basis, triangle = np.linalg.qr(self.columns * weight[:, :, None])
+        projected = np.swapaxes(basis.conj(), 1, 2) @ (self.values * weight)[:, :, None]
+        # A curve that needs fewer coefficients leaves the triangle singular.
+        regular = triangle + 1e-12 * np.abs(triangle).max(axis=(1, 2), keepdims=True) * np.eye(COEFFICIENTS)
+        coefficients = np.linalg.solve(regular, projected)[:, :, 0]
+        # Limited, since a point where the denominator is almost zero would decide alone.
+        return np.asarray(1 / (noise * np.maximum(np.abs(self.denominator(coefficients)), 1e-3)))
+
     def denominator(self, coefficients: np.ndarray) -> np.ndarray:
         """Of the rational functions with these coefficients, shape (n, k)."""
         return 1 + coefficients[:, 3:4] * self.place + coefficients[:, 4:5] * self.place**2

@@ -89,19 +89,10 @@ def _squares(equations: LocalEquations, noise: FloatArray) -> FloatArray:
     noise : ndarray, shape (n, k)
         Expected noise of the values.
     """
-    weight = 1 / noise
-    for last in (False, True):
-        basis, triangle = np.linalg.qr(equations.columns * weight[:, :, None])
-        right = (equations.values * weight)[:, :, None]
-        projected = np.swapaxes(basis.conj(), 1, 2) @ right
-        if not last:
-            # The noise of each equation is that of the point times the denominator there (Sanathanan, Koerner, 1963).
-            # A curve that needs fewer coefficients leaves the triangle singular.
-            regular = triangle + 1e-12 * np.abs(triangle).max(axis=(1, 2), keepdims=True) * np.eye(COEFFICIENTS)
-            coefficients = np.linalg.solve(regular, projected)[:, :, 0]
-            # Limited, since a point where the denominator is almost zero would decide alone.
-            weight = 1 / (noise * np.maximum(np.abs(equations.denominator(coefficients)), 1e-3))
-    squares = np.sum(np.abs(right - basis @ projected)[:, :, 0] ** 2, axis=1)
+    weight = equations.weights(noise)
+    basis = np.linalg.qr(equations.columns * weight[:, :, None])[0]
+    right = (equations.values * weight)[:, :, None]
+    squares = np.sum(np.abs(right - basis @ (np.swapaxes(basis.conj(), 1, 2) @ right))[:, :, 0] ** 2, axis=1)
     place, before = np.arange(squares.size), (weight.shape[1] - 1) // 2
     windows = [np.clip(place + shift, 0, squares.size - 1) for shift in (-before, 0, before)]
     return np.min(squares[windows], axis=0)

@@ -154,16 +154,8 @@ def _beside_rational(sweep: RepeatedSweep, windows: np.ndarray) -> tuple[Complex
     frequency, impedance = sweep.frequency_hz, sweep.mean_ohm
     size = np.abs(impedance[windows]).max(axis=1, keepdims=True)
     equations = LocalEquations.of(frequency, frequency[windows[:, windows.shape[1] // 2]], impedance[windows] / size, windows)
-    weight = 1 / np.abs(equations.values)
-    for last in (False, True):
-        basis, triangle = np.linalg.qr(equations.columns * weight[:, :, None], mode="complete")
-        if not last:
-            # As in `noise_by_scatter`: the noise of each equation is that of the point times the denominator there.
-            square = triangle[:, :COEFFICIENTS]
-            regular = square + 1e-12 * np.abs(square).max(axis=(1, 2), keepdims=True) * np.eye(COEFFICIENTS)
-            right = np.swapaxes(basis[:, :, :COEFFICIENTS].conj(), 1, 2) @ (equations.values * weight)[:, :, None]
-            coefficients = np.linalg.solve(regular, right)[:, :, 0]
-            weight = 1 / (np.abs(equations.values) * np.maximum(np.abs(equations.denominator(coefficients)), 1e-3))
+    weight = equations.weights(np.abs(equations.values))
+    basis = np.linalg.qr(equations.columns * weight[:, :, None], mode="complete")[0]
     return equations.values * weight, basis[:, :, COEFFICIENTS:]
 
 

@@ -75,8 +75,8 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), ONE_EFFECT, each)
         odds = other.best.score - first.best.score
         # It counts only if it needs no errors beyond its own specification and its circuit errs little more. An ideal analyser leaves its errors to
-        # the effects, so that only the base is compared.
-        # An effect that leaves as much undescribed as the base only takes the place of the analyser's errors: its circuit says nothing.
+        # the effects, so that only the base is compared; so it is if the best effect leaves as much undescribed as the base: it then only takes the
+        # place of the analyser's errors.
         describes = best.unexplained_percent["value"] <= HALF * first.base.unexplained_percent["value"]
         limits = [ALIKE * first.base.rms_error_percent]
         if describes and not declared.ideal:

@@ -206,7 +206,7 @@ class MotorBoard:
         return [one for one in (*found, *self._renamed(model, effect, trails)) if not one.exchanged]
 
     def _renamed(self, model: Candidate, effect: str, trails: Mapping[str, Trail]) -> list[Candidate]:
-        """The same circuit under another name, for each effect with the same law: races compare plain errors and may leave this solution."""
+        """The same circuit under another name, for each effect with the same formula: races compare plain errors and may leave this solution."""
         found, law = [], find_effect(effect).effect
         for name, trail in trails.items():
             other = find_effect(name).effect

@@ -43,7 +43,7 @@ NEARLY_ALL = Sizes(0.01, 1.0)
 # Number of the sets, the best ones by then, that are fitted to the end.
 FINISHED = 3
 # Few steps from all starts, then to the end from the best ones. With half as many in the last rounds and two sets, it depended on the rounding of
-# the computer whether the parts of a machine of five were found.
+# the computer whether a machine with five parts was found.
 WHOLE = Rounds((Round(60, 8, ALL, ALL), Round(60, 20, 120, ALL), Round(60, 40, 40, ALL), Round(80, 60, 8, ALL)), 2, 80)
 
 

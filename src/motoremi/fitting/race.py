@@ -58,7 +58,7 @@ class Rounds(NamedTuple):
     points: int
 
 
-# Twice what the likelihood needs: of a set of effects that leaves less, what another one does shows in the likelihood.
+# Undescribed part below which a further effect is compared by the likelihood: twice that at which the search itself changes to the likelihood.
 LITTLE = 2 * PLAIN
 ALL = 10_000
 # Of the models fitted by the likelihood, so many, and all that are so near the best in log evidence, are refined until their error sizes are the

@@ -55,6 +55,9 @@ _SKIN = Parameter(
     usual=(1e-4, 0.3),
 )
 
+# Start values of a wire or strap of 1 to 40 cm.
+_WIRES = tuple({**rational_starts.CONDUCTOR_REST, "inductance_h": henry} for henry in (1e-8, 5e-8, 1.5e-7, 4e-7))
+
 EFFECTS = (
     Effect(
         name="lead-inductance",
@@ -140,7 +143,7 @@ EFFECTS = (
         deciding="shorten or double the strap",
         source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 45 (2009) 142; straight wires: Grover (1946)",
         change=_strap,
-        starts=tuple({**rational_starts.CONDUCTOR_REST, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
+        starts=_WIRES,
         reader=rational_starts.frame_behind_strap,
         responds={"longer-strap": {"resistance_ohm": 2.0, "inductance_h": 2.0, "skin_ohm": 2.0}},
     ),
@@ -164,6 +167,6 @@ EFFECTS = (
         change=_tie,
         # Without the open sweep the path through the frame is not known: beside the wire it would bend to any curve, and leads do as well.
         needs=("open",),
-        starts=tuple({**rational_starts.CONDUCTOR_REST, "inductance_h": x} for x in (1e-8, 5e-8, 1.5e-7, 4e-7)),
+        starts=_WIRES,
     ),
 )
