@@ -403,6 +403,25 @@ def test_two_traces_of_one_sweep_are_one(tmp_path: Path) -> None:
         read_impedance(write(tmp_path, head + rows(*columns, delimiter=";")), "open")
 
 
+def test_a_trace_that_is_saved_twice_is_one(tmp_path: Path) -> None:
+    """As an analyser saves it that shows R and X in one trace, and R again for a cursor; the title is the analyser's own."""
+    real = "Trace 1: Impedance: Real (Ω)"
+    head = f"Frequency (Hz);{real};Trace 1: Impedance: Imaginary (Ω);{real}\n"
+    sweep = read_impedance(write(tmp_path, head + rows(FREQUENCY, OPEN.real, OPEN.imag, OPEN.real, delimiter=";")), "open")
+    np.testing.assert_allclose(sweep.impedance_ohm, OPEN, rtol=1e-9)
+    with pytest.raises(BadInput, match="both hold the resistance"):
+        read_impedance(write(tmp_path, head + rows(FREQUENCY, OPEN.real, OPEN.imag, OPEN.real + 1, delimiter=";")), "open")
+
+
+def test_a_line_that_loses_less_than_the_calibration_shows(tmp_path: Path) -> None:
+    """A short line of hardly any loss: its reflection is above 1 by a few tenths of a per cent, which no sign of a column explains."""
+    beyond = 1.003 * np.exp(-2j * np.pi * np.linspace(0.1, 0.9, FREQUENCY.size))
+    sweep = read_impedance(write(tmp_path, touchstone(beyond), "line.s1p"), "short")
+    (warning,) = sweep.metadata["warnings"]
+    assert "calibrate again" in warning
+    assert "column" not in warning
+
+
 def complex_table(titles: str, spelling: str, *columns: np.ndarray) -> str:
     cells = [[spelling.format(value.real, value.imag) for value in row] for row in zip(*columns, strict=True)]
     return titles + "\n" + "".join(", ".join([repr(float(f)), *row]) + "\n" for f, row in zip(FREQUENCY, cells, strict=True))

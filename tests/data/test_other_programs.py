@@ -1,4 +1,4 @@
-"""Exports of other programs: traces of a 4294A, titles of a ZNB and of LCR meters, AntScope, LTspice, ZView and Gamry."""
+"""Exports of other programs: traces of a 4294A, titles of a ZNB and of LCR meters, AntScope, LTspice, ZView, Gamry and .zma."""
 
 from __future__ import annotations
 
@@ -142,3 +142,18 @@ def test_zview_and_gamry_from_high_to_low(tmp_path: Path) -> None:
     polar = (np.abs(Z)[::-1], DEGREES[::-1])
     gamry = rows("\t{:d}\t0\t{:.9e}\t{:.9e}\t{:.9e}\t1\t{:.9e}\t{:.9e}", np.arange(24), *turned, *polar)
     check(write(tmp_path, "EXPLAIN", "TAG\tEISPOT", "ZCURVE\tTABLE", *names, *gamry), "csv", "R and X")
+
+
+@pytest.mark.parametrize("comments", [("* FILE: woofer", "* Data: Impedance (ohms), Phase (degrees)", "*****"), ("* woofer at 27 mV",), ()])
+def test_zma_whose_columns_have_no_names(tmp_path: Path, comments: tuple[str, ...]) -> None:
+    path = write(tmp_path, *comments, *rows("{:11.6e} {:+.9e} {:+.9f}", FREQUENCY, np.abs(Z), DEGREES), name="motor.ZMA")
+    sweep = read_impedance(path, "open")
+    np.testing.assert_allclose(sweep.impedance_ohm, Z, rtol=1e-6)
+    assert (sweep.metadata["format"], sweep.metadata["read_as"]) == ("zma", "|Z| and phase")
+
+
+@pytest.mark.parametrize("line", ["150000 12.5", "150000 12.5 phase", "150000 12.5 3.1 4"])
+def test_zma_that_is_refused(tmp_path: Path, line: str) -> None:
+    path = write(tmp_path, "* motor", *rows("{:.9e} {:.9e} {:.9f}", FREQUENCY, np.abs(Z), DEGREES), line, name="motor.zma")
+    with pytest.raises(BadInput, match=r"line 26: three numbers are needed"):
+        read_impedance(path, "open")

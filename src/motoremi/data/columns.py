@@ -167,7 +167,7 @@ def find_columns(table: Table) -> dict[str, Column]:
     A phase without a further name belongs to the magnitude beside it: to S11 or return loss, else to |Z|, else to |Y|. `theta` is the usual name of
     the phase of Z, and belongs to S11 or |Y| only without |Z|.
 
-    Of columns with the same meaning and cells under different titles, such as two traces of one sweep, the first is used.
+    Of columns with the same meaning and cells that are different traces or the same trace twice, as an analyser saves what it shows, the first is used.
 
     Raises
     ------
@@ -200,8 +200,10 @@ def find_columns(table: Table) -> dict[str, Column]:
 
 
 def _is_copy(table: Table, first: Column, second: Column) -> bool:
-    titles_differ = table.columns[first.index].strip() != table.columns[second.index].strip()
-    return titles_differ and first.factor == second.factor and all(cells[first.index] == cells[second.index] for cells in table.rows)
+    titles = [table.columns[column.index].strip() for column in (first, second)]
+    # The title of a trace is the analyser's; the same one of a table that somebody made twice may have been meant for another column.
+    traces = titles[0] != titles[1] or _TRACE_NUMBER.match(titles[0]) is not None
+    return traces and first.factor == second.factor and all(cells[first.index] == cells[second.index] for cells in table.rows)
 
 
 def meanings_of(title: str) -> tuple[str, ...]:

@@ -131,9 +131,11 @@ def _readings(
 ) -> list[tuple[Rows, JsonDict, str]]:
     """Of each sweep in a file the rows, the header with `read_as`, and the name of its format."""
     if is_agilent_ascii(text):
-        frequency, impedance, header = parse_agilent_ascii(text, name)
+        frequency, impedance, rounding, header = parse_agilent_ascii(text, name)
         used, changes = used_rows(frequency, band, name)
-        return [(Rows(frequency[used], impedance[used], None, lambda row: name, changes), header, "4294a-ascii")]
+        rounding = None if rounding is None else rounding[used]
+        rows = Rows(frequency[used], impedance[used], None, lambda row: name, changes, rounding_relative=rounding)
+        return [(rows, header, "4294a-ascii")]
     if is_touchstone(text):
         return [(*parse_touchstone(text, name, fixture, band), "touchstone")]
     if is_analyser_csv(text):
@@ -327,7 +329,7 @@ def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
     # A sweep of a session has those of its import in its header.
     warnings = [*metadata.get("warnings", []), *rows.warnings, *implausible(rows.frequency_hz, rows.impedance_ohm)]
     if not any(one.startswith("|S11|") for one in warnings):  # which says the same
-        warnings += negative_resistance(rows.impedance_ohm)
+        warnings += negative_resistance(rows.impedance_ohm, from_waves=metadata.get("format") == "touchstone")
     warnings = list(dict.fromkeys(warnings))
     noted = {key: list(texts) for key, texts in (("changes", rows.changes), ("warnings", warnings)) if texts}
     stated = {**metadata, **noted}

@@ -1,6 +1,6 @@
-"""Tables of programs that write them in a form of their own: RigExpert AntScope (.asd), LTspice (exported text), ZView (.z).
+"""Tables of programs that write them in a form of their own: RigExpert AntScope (.asd), LTspice (exported text), ZView (.z), and `.zma`.
 
-The layouts are UNCONFIRMED: they are those of descriptions, no file of these programs was at hand.
+The first three layouts are UNCONFIRMED: they are those of descriptions, no file of these programs was at hand.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ _POLAR = ("frequency [Hz]", "|Z| [Ohm]", "phase [deg]")
 _RATIO = re.compile(r"-?V\([^)]*\)\s*/\s*-?I[a-z]?\([^)]*\)", re.IGNORECASE)
 _DECIBELS = re.compile(r"\((?P<db>[^,]+)dB,(?P<phase>[^,]+)°\)")
 _END_OF_COMMENTS = re.compile(r"^\s*End Comments\s*$", re.IGNORECASE | re.MULTILINE)
+# Above the numbers of a .zma file; none of its lines has to name the columns.
+_ZMA_COMMENTS = ("*", '"', ";", "#")
 # ZView writes no unit for impedances, which are in ohm.
 _ZVIEW_NAMES = {"Z'(a)": "Z' [Ohm]", "Z''(b)": "Z'' [Ohm]"}
 
@@ -41,7 +43,23 @@ def table_of_other_program(text: str, name: str) -> tuple[Table, str] | None:
         for title, plain in _ZVIEW_NAMES.items():
             text = text.replace(title, plain)
         return parse_table(_END_OF_COMMENTS.sub("", text), name), "zview"
+    if name.lower().endswith(".zma"):
+        return _zma(text, name), "zma"
     return None
+
+
+def _zma(text: str, name: str) -> Table:
+    """Comments, then frequency in hertz, |Z| in ohm and phase in degrees, as programs for loudspeakers write and read it (Speakerbench, file formats).
+
+    They measure with a sound card up to some 20 kHz, which shows the inductance and the iron losses of a small motor.
+    """
+    lines = split_lines(text)
+    rows = [(number, line.replace(",", " ").split()) for number, line in enumerate(lines, start=1)]
+    points = [(number, cells) for number, cells in rows if cells and not cells[0].startswith(_ZMA_COMMENTS)]
+    for number, cells in points:
+        if len(cells) != len(_POLAR) or not all(map(looks_numeric, cells)):
+            raise BadInput(f"{name}, line {number}: three numbers are needed, frequency in Hz, |Z| in ohm and phase in degrees (.zma)")
+    return Table(name, {}, _POLAR, [cells for _, cells in points], [number for number, _ in points])
 
 
 def _rigexpert(text: str, name: str) -> Table:

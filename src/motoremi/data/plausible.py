@@ -102,12 +102,17 @@ def implausible(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> tuple[
     return tuple(said)
 
 
-def negative_resistance(impedance_ohm: ComplexArray) -> tuple[str, ...]:
-    """A sentence if the resistance is below 0 at all points, or far below at more than a few; shape (n,)."""
+def negative_resistance(impedance_ohm: ComplexArray, from_waves: bool = False) -> tuple[str, ...]:
+    """A sentence if the resistance is below 0 at all points, or far below at more than a few; shape (n,).
+
+    With `from_waves` it was computed from S parameters, whose columns cannot be exchanged: then only a calibration can be at fault.
+    """
     size = np.abs(impedance_ohm)
     below = int(np.sum(impedance_ohm.real < 0))
     far = int(np.sum(impedance_ohm.real < LEAST_RESISTANCE * size))
     if below < size.size and far <= OF_POINTS * size.size:
         return ()
-    points = f"{below} of {size.size} points"
-    return (f"the resistance is below 0 at {points}, which no passive part has: is the sign of a column right (R, phase, Q, D)?",)
+    said = f"the resistance is below 0 at {below} of {size.size} points, which no passive part has"
+    if from_waves:
+        return (f"{said}: the part loses less there than the calibration is uncertain by; calibrate again",)
+    return (f"{said}: is the sign of a column right (R, phase, Q, D)?",)
