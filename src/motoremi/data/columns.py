@@ -167,7 +167,7 @@ def find_columns(table: Table) -> dict[str, Column]:
     A phase without a further name belongs to the magnitude beside it: to S11 or return loss, else to |Z|, else to |Y|. `theta` is the usual name of
     the phase of Z, and belongs to S11 or |Y| only without |Z|.
 
-    Of columns with the same meaning and cells that are different traces or the same trace twice, as an analyser saves what it shows, the first is used.
+    Of columns with the same meaning and cells that are two traces, or one trace twice as an analyser saves what it shows, the first is used.
 
     Raises
     ------

@@ -49,7 +49,7 @@ def table_of_other_program(text: str, name: str) -> tuple[Table, str] | None:
 
 
 def _zma(text: str, name: str) -> Table:
-    """Comments, then frequency in hertz, |Z| in ohm and phase in degrees, as programs for loudspeakers write and read it (Speakerbench, file formats).
+    """Comments, then frequency in hertz, |Z| in ohm and phase in degrees, as programs for loudspeakers write it (Speakerbench, file formats).
 
     They measure with a sound card up to some 20 kHz, which shows the inductance and the iron losses of a small motor.
     """
