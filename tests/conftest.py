@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 # One BLAS thread: the matrices are small, and the tests run in parallel.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -34,6 +35,9 @@ from motoremi.simulate import emission_in_time
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.hidden_effects import split_effects
 from motoremi.simulate.simulated_motor import SimulatedMotor
+
+if TYPE_CHECKING:
+    from motoremi.virtual.simulated_bench import SimulatedBench
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 401)
 
@@ -105,6 +109,16 @@ def simulated_sweeps(seed: int, effects: tuple[str, ...] = (), repeats: int = 3)
 def measure() -> Callable[..., tuple[list[ImpedanceSweep], SimulatedMotor]]:
     """The function that simulates a measurement."""
     return simulated_sweeps
+
+
+@pytest.fixture
+def bench() -> Iterator[SimulatedBench]:
+    """A simulated bench, for tests that do not depend on which motor it has."""
+    from motoremi.virtual.simulated_bench import SimulatedBench
+
+    made = SimulatedBench(7)
+    yield made
+    made.close()
 
 
 @pytest.fixture

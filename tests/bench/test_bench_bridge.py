@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -28,13 +27,6 @@ from motoremi.virtual.simulated_bench import STANDARDS_OHM, SimulatedBench
 BRIDGES = ("4294a", "e4990a")
 SWEEP: dict[str, Any] = {"start": "150 kHz", "stop": "30 MHz", "points": 11}
 OPEN_SWEEP = {"do": "sweep", "termination": "open"}
-
-
-@pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
-    yield bench
-    bench.close()
 
 
 def procedure(driver: str, sweep: dict[str, Any], *steps: dict[str, Any]) -> Procedure:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +28,9 @@ MOST_POINTS = {"dsa800": 601, "rsa": 1001, "ssa3000x": 751, "xseries": 1001}
 
 
 @pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
+def bench(bench: SimulatedBench) -> SimulatedBench:
     bench.connect(bench.at_work("receiver"))
-    yield bench
-    bench.close()
+    return bench
 
 
 def opened(bench: SimulatedBench, name: str, traffic: list[Any] | None = None) -> SweptAnalyser:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 import pyvisa
@@ -13,13 +11,6 @@ from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.keysight_e4990a import KeysightE4990A
 from motoremi.virtual.simulated_bench import SimulatedBench
-
-
-@pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
-    yield bench
-    bench.close()
 
 
 @pytest.fixture

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 import pyvisa
@@ -17,11 +15,9 @@ from motoremi.virtual.simulated_receiver import settling_db
 
 
 @pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
+def bench(bench: SimulatedBench) -> SimulatedBench:
     bench.connect("lisn-motor-on")
-    yield bench
-    bench.close()
+    return bench
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,6 @@ from motoremi.errors import BadInput, InstrumentError
 from motoremi.instruments.librevna import LibreVna
 from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.virtual.simulated_librevna import SimulatedLibreVna
-
-
-@pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
-    yield bench
-    bench.close()
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -18,13 +17,6 @@ from motoremi.instruments.nanovna import NanoVna
 from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.virtual.simulated_nanovna import SimulatedNanoVna
 from motoremi.virtual.virtual_instruments import virtual_instrument
-
-
-@pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
-    yield bench
-    bench.close()
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -29,13 +28,6 @@ from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.virtual.simulated_nanovna_v2 import REGISTERS, SimulatedNanoVnaV2
 
 LOAD_OHM = 100.0
-
-
-@pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
-    yield bench
-    bench.close()
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +25,9 @@ ALL = ("esr", "mxe", *FAMILY)
 
 
 @pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
+def bench(bench: SimulatedBench) -> SimulatedBench:
     bench.connect(bench.at_work("receiver"))
-    yield bench
-    bench.close()
+    return bench
 
 
 def ready(bench: SimulatedBench, name: str, traffic: list[Any] | None = None) -> EmiReceiver:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
@@ -15,11 +13,9 @@ from motoremi.virtual.virtual_instruments import virtual_instrument
 
 
 @pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
+def bench(bench: SimulatedBench) -> SimulatedBench:
     bench.connect(bench.at_work("receiver"))
-    yield bench
-    bench.close()
+    return bench
 
 
 @pytest.fixture

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 import pyvisa
@@ -17,13 +15,6 @@ from motoremi.virtual.virtual_instruments import virtual_instrument
 
 Resource = pyvisa.resources.MessageBasedResource
 SCPI = ("e4990a", "esr", "mxe")
-
-
-@pytest.fixture
-def bench() -> Iterator[SimulatedBench]:
-    bench = SimulatedBench(7)
-    yield bench
-    bench.close()
 
 
 def stock(bench: SimulatedBench, name: str) -> Resource:

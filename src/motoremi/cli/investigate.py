@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motoremi.cli.options import AsJson, SessionPath, command
+from motoremi.cli.options import AsJson, Menu, SessionPath, Without, command
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
@@ -32,10 +32,8 @@ def investigate_(
     ],
     budget: Annotated[str, typer.Option(metavar="TIME", help="Time to spend at the bench in all, for example 30min.")] = "2h",
     odds: Annotated[float, typer.Option(metavar="N", help="Stop when one explanation is N times as likely as all others together.")] = 20.0,
-    without: Annotated[
-        list[str] | None, typer.Option("--without", metavar="ID", help="A measurement that this bench cannot do; may be repeated.")
-    ] = None,
-    menu: Annotated[Path | None, typer.Option("--menu", metavar="FILE", help="Measurements and minutes of your own laboratory (TOML).")] = None,
+    without: Without = None,
+    menu: Menu = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure, diagnose and choose the next measurement until one explanation is left. After Ctrl-C the same command continues."""

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 SessionPath: TypeAlias = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.", show_default=False)]
 AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="One JSON document on standard output, for machines.")]
+Without: TypeAlias = Annotated[
+    list[str] | None, typer.Option("--without", metavar="ID", help="A measurement that this bench cannot do; may be repeated.")
+]
+Menu: TypeAlias = Annotated[Path | None, typer.Option("--menu", metavar="FILE", help="Measurements and minutes of your own laboratory (TOML).")]
 Out: TypeAlias = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to make.", show_default=False)]
 
 

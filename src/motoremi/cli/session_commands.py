@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, plot_file, save_plot
+from motoremi.cli.options import AsJson, Menu, SessionPath, Without, command, corrections_of, plot_file, save_plot
 from motoremi.errors import BadInput
 from motoremi.report.kinds import PLOTS, SECTIONS
 
@@ -653,10 +653,8 @@ def ladder_(path: SessionPath, as_json: AsJson = False) -> None:
 
 def next_(
     path: SessionPath,
-    without: Annotated[
-        list[str] | None, typer.Option("--without", metavar="ID", help="A measurement that this bench cannot do; may be repeated.")
-    ] = None,
-    menu: Annotated[Path | None, typer.Option("--menu", metavar="FILE", help="Measurements and minutes of your own laboratory (TOML).")] = None,
+    without: Without = None,
+    menu: Menu = None,
     as_json: AsJson = False,
 ) -> None:
     """Show the measurement with the most information about the possible explanations per minute at the bench."""

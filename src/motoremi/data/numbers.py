@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
@@ -28,6 +29,31 @@ def look_grouped(cells: list[str]) -> bool:
 def looks_numeric(cell: str) -> bool:
     """Whether a cell looks like a number, with a decimal point or a decimal comma."""
     return _NUMBER.fullmatch(cell.strip().replace(",", ".", 1)) is not None
+
+
+def has_decimal_commas(cells: Iterable[tuple[str, int]], name: str) -> bool:
+    """Whether the numbers of a file have a decimal comma.
+
+    Parameters
+    ----------
+    cells : iterable of (str, int)
+        Each with the line it is in.
+    name : str
+        The file, for the message.
+
+    Raises
+    ------
+    BadInput
+        If some have a decimal comma and others a decimal point.
+    """
+    comma = point = 0
+    for cell, line in cells:
+        if looks_numeric(cell):
+            comma = comma or ("," in cell and line)
+            point = point or ("." in cell and line)
+    if comma and point:
+        raise BadInput(f"{name}, line {comma}: a decimal comma, but line {point} has a decimal point; use one of them")
+    return bool(comma)
 
 
 def looks_unmeasured(cell: str) -> bool:

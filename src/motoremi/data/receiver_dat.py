@@ -13,7 +13,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
-from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
+from motoremi.data.numbers import has_decimal_commas, looks_cut, looks_numeric, parse_number
 from motoremi.data.repeated import Levels, spectrum_of
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.spectrum_header import kept_header
@@ -147,17 +147,11 @@ def _count(cells: list[str], where: str) -> int:
 
 
 def _decimal_comma(sections: list[_Section], name: str) -> bool:
-    comma = point = 0
+    rows: list[tuple[list[str], int]] = []
     for section in sections:
-        numeric = [(cells[:1], line) for key, (cells, line) in section.settings.items() if key in ("start", "stop", "step", "rbw")]
-        for cells, line in (*section.rows, *numeric):
-            for cell in cells:
-                if looks_numeric(cell):
-                    comma = comma or ("," in cell and line)
-                    point = point or ("." in cell and line)
-    if comma and point:
-        raise BadInput(f"{name}, line {comma}: a decimal comma, but line {point} has a decimal point; use one of them")
-    return bool(comma)
+        rows += section.rows
+        rows += [(cells[:1], line) for key, (cells, line) in section.settings.items() if key in ("start", "stop", "step", "rbw")]
+    return has_decimal_commas(((cell, line) for cells, line in rows for cell in cells), name)
 
 
 def _number(cell: str, where: str, comma: bool) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from motoremi.arrays import JsonDict
 from motoremi.data.layout import COMMENT, IMPEDANCE_EXAMPLE, Line, Names, cells_of, column_names, decimal_comma_hint, split_head
-from motoremi.data.numbers import looks_cut, looks_numeric, looks_unmeasured, parse_number
+from motoremi.data.numbers import has_decimal_commas, looks_cut, looks_numeric, looks_unmeasured, parse_number
 from motoremi.data.plain import from_json
 from motoremi.data.text import clean_text, clean_value
 from motoremi.data.text_file import split_lines
@@ -156,15 +156,7 @@ def _row(line: str, names: Names, where: str) -> list[str]:
 
 
 def _use_decimal_points(rows: list[list[str]], lines: list[int], name: str) -> None:
-    comma = point = 0
-    for cells, line in zip(rows, lines, strict=True):
-        for cell in cells:
-            if looks_numeric(cell):
-                comma = comma or ("," in cell and line)
-                point = point or ("." in cell and line)
-    if comma and point:
-        raise BadInput(f"{name}, line {comma}: a decimal comma, but line {point} has a decimal point; use one of them")
-    if comma:
+    if has_decimal_commas(((cell, line) for cells, line in zip(rows, lines, strict=True) for cell in cells), name):
         for cells in rows:
             cells[:] = [cell.replace(",", ".", 1) if looks_numeric(cell) else cell for cell in cells]
 
