@@ -86,6 +86,87 @@ def test_that_of_magnitude_and_phase_too() -> None:
     assert sweep.rounding_relative.min() > OF_ONE_UNIT * np.deg2rad(0.1) / np.sqrt(2) * 0.99
 
 
+def touchstone(style: str, values: ComplexArray, digits: str, two_ports: str = "") -> str:
+    """The text of a file of one port; of two with S21 at the place that `two_ports` says and other numbers beside it."""
+    pairs = {
+        "RI": np.array([values.real, values.imag]),
+        "MA": np.array([np.abs(values), np.angle(values, deg=True)]),
+        "DB": np.array([20 * np.log10(np.abs(values)), np.angle(values, deg=True)]),
+    }[style]
+    cells = [" ".join(format(number, digits) for number in pair) for pair in pairs.T]
+    head = f"# HZ S {style} R 50\n"
+    if two_ports:
+        head = f"[Version] 2.0\n{head}[Number of Ports] 2\n[Two-Port Data Order] {two_ports}\n[Number of Frequencies] 201\n[Network Data]\n"
+        others = ("0.123456789 0.2", "{}", "0.5 0.123456789") if two_ports == "21_12" else ("0.123456789 0.2", "0.5 0.123456789", "{}")
+        # A constant, as of S11 and S12 that were not measured, says nothing of digits.
+        cells = [f"{' '.join(others).format(cell)} 0.123456789 0.1" for cell in cells]
+    return head + "".join(f"{f!r} {cell}\n" for f, cell in zip(FREQUENCY_HZ.tolist(), cells, strict=True))
+
+
+@pytest.mark.parametrize(("style", "digits"), [("RI", ".5f"), ("MA", ".6g"), ("DB", ".4f")])
+def test_that_of_a_reflection_too(style: str, digits: str) -> None:
+    ohm = measured(5, 1e-3)
+    sweep = parse_impedance(touchstone(style, (ohm - 50) / (ohm + 50), digits), "vna.s1p", "short")
+    assert sweep.rounding_relative is not None
+    errors = np.abs(sweep.impedance_ohm / ohm - 1) / (np.sqrt(2) * sweep.rounding_relative)
+    # Where a rounding error is not small beside 1 - S11, that of Z is not in proportion to it.
+    small = sweep.rounding_relative < 0.1
+    assert small.sum() > 150
+    assert np.sqrt(np.mean(errors[small] ** 2)) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("order", ["21_12", "12_21"])
+@pytest.mark.parametrize(
+    ("fixture", "through"), [("series-through", lambda ohm: 100 / (ohm + 100)), ("shunt-through", lambda ohm: 2 * ohm / (2 * ohm + 50))]
+)
+def test_that_of_a_transmission_too(fixture: str, through: Callable[[ComplexArray], ComplexArray], order: str) -> None:
+    ohm = measured(6, 1e-3)
+    text = touchstone("RI", through(ohm), ".5f", order)
+    # S11 of a constant fits neither fixture.
+    sweep = parse_impedance(text, "vna.s2p", "short", fixture)
+    assert sweep.rounding_relative is not None
+    errors = np.abs(sweep.impedance_ohm / ohm - 1) / (np.sqrt(2) * sweep.rounding_relative)
+    small = sweep.rounding_relative < 0.1
+    assert small.sum() > 120
+    assert np.sqrt(np.mean(errors[small] ** 2)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_that_of_admittances_in_a_band_too() -> None:
+    ohm = measured(7, 1e-3)
+    rows = "".join(f"{f!r} {y.real:.3g} {y.imag:.3g}\n" for f, y in zip(FREQUENCY_HZ.tolist(), (50 / ohm).tolist(), strict=True))
+    sweep = parse_impedance("# HZ Y RI R 50\n! normalised\n" + rows, "vna.y1p", "short", band=(1e6, 10e6))
+    inside = (FREQUENCY_HZ >= 1e6) & (FREQUENCY_HZ <= 10e6)
+    assert sweep.rounding_relative is not None
+    errors = np.abs(sweep.impedance_ohm / ohm[inside] - 1) / (np.sqrt(2) * sweep.rounding_relative)
+    assert np.sqrt(np.mean(errors**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def traces_of_4294a(parameter: str, first: list[str], second: list[str]) -> str:
+    text = f'4294A REV1.11\n"MEASURE PARAMETER: {parameter}"\n"NUMBER of POINTS: 201"\n'
+    for letter, cells in (("A", first), ("B", second)):
+        text += f'"TRACE: {letter}"\n"Frequency"\t"Data Trace Real"\t"Data Trace Imag"\n'
+        text += "".join(f"{f!r}\t{cell}\t0\n" for f, cell in zip(FREQUENCY_HZ.tolist(), cells, strict=True)) + "\n"
+    return text
+
+
+@pytest.mark.parametrize(("parameter", "in_degrees"), [("IMPEDANCE MAG PHASE (DEG)", True), ("IMPEDANCE MAG PHASE (RAD)", False)])
+def test_that_of_a_4294a_too(parameter: str, in_degrees: bool) -> None:
+    ohm = measured(8, 2e-3)
+    phase = [f"{one:.1f}" for one in np.angle(ohm, deg=True)] if in_degrees else [f"{one:.3f}" for one in np.angle(ohm)]
+    sweep = parse_impedance(traces_of_4294a(parameter, [f"{one:.4g}" for one in np.abs(ohm)], phase), "a.txt", "short")
+    assert sweep.rounding_relative is not None
+    errors = np.abs(sweep.impedance_ohm / ohm - 1) / (np.sqrt(2) * sweep.rounding_relative)
+    assert np.sqrt(np.mean(errors**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_those_files_of_full_precision_have_none() -> None:
+    ohm = measured(1, 1e-4)
+    reflection = (ohm - 50) / (ohm + 50)
+    texts = [touchstone(style, reflection, ".9e") for style in ("RI", "MA", "DB")]
+    texts += [traces_of_4294a("R X", [f"{one:.6e}" for one in ohm.real], [f"{one:.6e}" for one in ohm.imag])]
+    assert [parse_impedance(text, "analyser", "short").rounding_relative for text in texts] == [None] * 4
+
+
 @pytest.mark.parametrize("written", [repr, lambda value: f"{value:.6e}"])
 def test_a_file_of_full_precision_has_none(written: Callable[[float], str]) -> None:
     sweep = parse_impedance(as_text(measured(1, 1e-4), written), "analyser.csv", "short")

@@ -9,8 +9,9 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.analyser import specification
-from motoremi.data.immittance import PAIRS
+from motoremi.data.immittance import PAIRS, Pair
 from motoremi.data.numbers import parse_number
+from motoremi.data.rounding import rounding_of_pair, steps
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import split_lines
 from motoremi.errors import BadInput
@@ -54,8 +55,8 @@ def is_agilent_ascii(text: str) -> bool:
     return text.lstrip().lstrip('"').startswith("4294A")
 
 
-def parse_agilent_ascii(text: str, name: str) -> tuple[FloatArray, ComplexArray, JsonDict]:
-    """Frequencies in hertz, impedance in ohm and the header of a 4294A file.
+def parse_agilent_ascii(text: str, name: str) -> tuple[FloatArray, ComplexArray, FloatArray | None, JsonDict]:
+    """Frequencies in hertz, impedance in ohm, the rounding of its numbers (`rounding_of`) and the header of a 4294A file.
 
     Raises
     ------
@@ -67,15 +68,21 @@ def parse_agilent_ascii(text: str, name: str) -> tuple[FloatArray, ComplexArray,
         if letter not in traces:
             raise BadInput(f"{name}: trace {letter} is missing; save both traces (the file may be cut off)")
     points = header.get("NUMBER of POINTS", "")
-    (frequency, first), (frequency_b, second) = (_values(traces[letter], letter, name) for letter in "AB")
+    (frequency, first, unit), (frequency_b, second, unit_b) = (_values(traces[letter], letter, name) for letter in "AB")
     for letter, values in (("A", first), ("B", second)):
         if points.isdecimal() and int(points) != values.size:
             raise BadInput(f"{name}: the header says {points} points but trace {letter} has {values.size}; the file is cut off")
     if not np.array_equal(frequency, frequency_b):
         raise BadInput(f"{name}: traces A and B are not on the same frequencies; save both from one sweep")
-    impedance, title = _impedance(header.get("MEASURE PARAMETER", ""), frequency, first, second, name)
+    pair, factor = _pair(header.get("MEASURE PARAMETER", ""), name)
+    if pair.first in ("magnitude", "admittance") and np.any(first < 0):
+        raise BadInput(f"{name}: a magnitude is below 0")
+    second, unit_b = second * factor, unit_b * factor
+    with np.errstate(all="ignore"):
+        impedance = pair.impedance(2 * np.pi * frequency, first, second)
+    rounding = rounding_of_pair(pair, frequency, (first, unit), (second, unit_b), impedance)
     adapter = next((word for name_, word in _ADAPTERS.items() if name_ in header.get("ADAPTER", "").upper()), "")
-    return frequency, impedance, {**header, "analyser": specification("4294a", adapter, ""), "read_as": title}
+    return frequency, impedance, rounding, {**header, "analyser": specification("4294a", adapter, ""), "read_as": pair.title}
 
 
 def _sections(text: str, name: str) -> tuple[dict[str, str], dict[str, _Trace]]:
@@ -110,7 +117,8 @@ def _header_entry(line: str) -> tuple[str, str]:
     return (clean_text(key.strip(), 80), clean_text(value.strip(), 200)) if colon else ("", "")
 
 
-def _values(trace: _Trace, letter: str, name: str) -> tuple[FloatArray, FloatArray]:
+def _values(trace: _Trace, letter: str, name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Frequencies in hertz, values, and the unit of the last digit of each value."""
     if not {_VALUE_TITLE, _SECOND_TITLE} <= set(trace.titles):
         raise BadInput(f"{name}: trace {letter} has no column {_VALUE_TITLE!r} and {_SECOND_TITLE!r}; save the data trace")
     wanted = (0, trace.titles.index(_VALUE_TITLE), trace.titles.index(_SECOND_TITLE))
@@ -119,26 +127,25 @@ def _values(trace: _Trace, letter: str, name: str) -> tuple[FloatArray, FloatArr
     ).reshape(-1, 3)
     if np.any(numbers[:, 2]):
         raise BadInput(f"{name}: trace {letter} is complex; set the traces to |Z| and phase, or to R and X")
-    return numbers[:, 0], numbers[:, 1]
+    return numbers[:, 0], numbers[:, 1], steps([cells[wanted[1]] for cells in trace.rows]) if trace.rows else numbers[:, 1]
 
 
-def _impedance(parameter: str, frequency: FloatArray, first: FloatArray, second: FloatArray, name: str) -> tuple[ComplexArray, str]:
+def _pair(parameter: str, name: str) -> tuple[Pair, float]:
+    """The quantities of traces A and B, and the factor of trace B: from radians to degrees, else 1."""
     words = set(re.findall(r"[A-Z]+", parameter.upper()))
-    if words in _R_AND_X:
-        return np.asarray(first + 1j * second, dtype=np.complex128), "R and X"
     own = words - {"IMPEDANCE", "ADMITTANCE"}
-    if own in ({"MAG", "PHASE", "DEG"}, {"MAG", "PHASE", "RAD"}):
-        if np.any(first < 0):
-            raise BadInput(f"{name}: a magnitude is below 0")
+    factor = 1.0
+    if words in _R_AND_X:
+        meanings = {"resistance", "reactance"}
+    elif own in ({"MAG", "PHASE", "DEG"}, {"MAG", "PHASE", "RAD"}):
         meanings = {"admittance", "admittance_phase"} if "ADMITTANCE" in words else {"magnitude", "phase"}
-        second = np.rad2deg(second) if "RAD" in own else second
+        factor = float(np.rad2deg(1.0)) if "RAD" in own else 1.0
     else:
         meanings = {_QUANTITIES.get(word, word) for word in own}
     for pair in PAIRS:
         # Trace A holds the quantity that the menu, and a pair, names first.
         if {pair.first, pair.second} == meanings:
-            with np.errstate(all="ignore"):
-                return pair.impedance(2 * np.pi * frequency, first, second), pair.title
+            return pair, factor
     raise BadInput(
         f"{name}: the traces hold {clean_text(parameter, 60)!r}; set them to impedance magnitude and phase, or to R and X, and save again"
     )

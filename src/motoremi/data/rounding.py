@@ -35,16 +35,57 @@ def rounding_of(table: Table, found: Mapping[str, Column], pair: Pair, frequency
     """
     if "rounding_relative" in found:
         return column_values(table, found["rounding_relative"])
-    w, columns = 2 * np.pi * frequency_hz, (found[pair.first], found[pair.second])
+    columns = (found[pair.first], found[pair.second])
     first, second = (column_values(table, column) for column in columns)
     units = [steps([cells[column.index] for cells in table.rows]) * abs(column.factor) for column in columns]
+    return rounding_of_pair(pair, frequency_hz, (first, units[0]), (second, units[1]), impedance_ohm)
+
+
+def rounding_of_pair(
+    pair: Pair,
+    frequency_hz: FloatArray,
+    first: tuple[FloatArray, FloatArray],
+    second: tuple[FloatArray, FloatArray],
+    impedance_ohm: ComplexArray,
+) -> FloatArray | None:
+    """That of the impedance from two quantities, each with the unit to which it is rounded; see `rounding_of`."""
+    w = 2 * np.pi * frequency_hz
     with np.errstate(all="ignore"):
-        moved = (pair.impedance(w, first + units[0], second), pair.impedance(w, first, second + units[1]))
+        moved = (pair.impedance(w, first[0] + first[1], second[0]), pair.impedance(w, first[0], second[0] + second[1]))
         squares = np.sum([np.abs(one / impedance_ohm - 1) ** 2 for one in moved], axis=0)
-        # The variances of the real and of the imaginary part are together that of the complex error. Where a unit more makes the impedance
-        # infinite, the number says nothing.
-        sigma = np.clip(np.nan_to_num(OF_ONE_UNIT * np.sqrt(squares / 2), nan=1.0), 1e-12, 1.0)
-    return sigma if np.any(sigma > SMALLEST_SIGMA) else None
+        # The variances of the real and of the imaginary part are together that of the complex error.
+        return _noticeable(OF_ONE_UNIT * np.sqrt(squares / 2))
+
+
+def rounding_of_complex(
+    style: str, values: ComplexArray, first: Sequence[str], second: Sequence[str], relative_slope: FloatArray
+) -> FloatArray | None:
+    """That of the impedance from complex numbers of which each is written as two; see `rounding_of`.
+
+    Parameters
+    ----------
+    style : {"RI", "MA", "DB"}
+        The two are the real and the imaginary part, magnitude and phase in degrees, or magnitude in dB and phase in degrees.
+    values : ndarray, shape (n,)
+    first, second : sequence of str
+    relative_slope : ndarray, shape (n,)
+        Relative change of Z for a change of the complex number by 1.
+    """
+    along, across = steps(first), steps(second)
+    size = np.abs(values)
+    if style != "RI":
+        across = size * np.deg2rad(across)
+    if style == "DB":
+        along = size * np.log(10) / 20 * along
+    with np.errstate(all="ignore"):
+        return _noticeable(OF_ONE_UNIT * np.hypot(along, across) / np.sqrt(2) * relative_slope)
+
+
+def _noticeable(sigma: FloatArray) -> FloatArray | None:
+    """The errors, or None if none is larger than the smallest noise that is assumed."""
+    # Where a unit more makes the impedance infinite, the number says nothing.
+    limited = np.clip(np.nan_to_num(sigma, nan=1.0), 1e-12, 1.0)
+    return limited if np.any(limited > SMALLEST_SIGMA) else None
 
 
 def steps(cells: Sequence[str]) -> FloatArray:

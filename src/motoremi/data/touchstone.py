@@ -14,6 +14,7 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.numbers import looks_cut, looks_numeric, parse_number
+from motoremi.data.rounding import rounding_of_complex
 from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, used_rows
 from motoremi.data.sweep import check_order, checked_frequency
 from motoremi.data.text import clean_text
@@ -49,6 +50,8 @@ _UNLIKE = 0.3
 # Numbers in a row of a file of one port and of two, the frequency among them, and of two of which one off-diagonal element is left out.
 _PORTS = {3: 1, 9: 2}
 _TWO_PORTS, _TRIANGLE = 9, 7
+# Column of the first number of S21 in a row of two ports: version 1 has it before S12, version 2 either way.
+_S21_FIRST, _S12_FIRST = 3, 5
 # Numbers in a row of noise parameters, which may follow those of two ports at frequencies that begin anew.
 _NOISE = 5
 # A comment that names a transmission as the content of the file: `Params: S21`, `S12`, `Freq ReS21 ImS21`.
@@ -149,16 +152,31 @@ def parse_touchstone(text: str, name: str, fixture: str | None = None, band: Ban
     warnings: tuple[str, ...] = ()
     if fixture is not None:
         _refuse_other_fixture(s, fixture, name)
+    through = fixture in _BETWEEN_PORTS
+    values = s[:, 1, 0] if through else s[:, 0, 0]
     if fixture in _BETWEEN_PORTS:
         impedance, read_as = _between_ports(frequency, s, z0, fixture, name)
         header["fixture"] = fixture
     else:
         impedance, read_as = _of_one_port(file, frequency, s, z0, name)
-        warnings = reflection_warnings(s[:, 0, 0]) if options.parameter == "S" else ()
+        warnings = reflection_warnings(values) if options.parameter == "S" else ()
+    first = file.transmission if through else 1
+    written = [[file.rows[row][column] for row in used] for column in (first, first + 1)]
+    slope = _relative_slope(values, "through" if through else options.parameter)
+    rounding = rounding_of_complex(options.style, values, written[0], written[1], slope) if len(used) else None
     if options.stated < 2:
         read_as += f", with the defaults of the standard: {options.unit} {options.parameter} {options.style}"
-    rows = Rows(frequency, impedance, None, lambda row: f"{name}, line {file.lines[used[row]]}", changes, warnings)
+    rows = Rows(frequency, impedance, None, lambda row: f"{name}, line {file.lines[used[row]]}", changes, warnings, rounding)
     return rows, {**header, "read_as": read_as}
+
+
+def _relative_slope(values: ComplexArray, kind: str) -> FloatArray:
+    """Relative change of Z for a change of a reflection (`S`), an impedance (`Z`), an admittance (`Y`) or a transmission (`through`) by 1."""
+    with np.errstate(all="ignore"):
+        if kind == "S":
+            return 2 / np.abs(1 - values**2)
+        # Z is in proportion to (1 - S21)/S21 of a part in series, and to S21/(1 - S21) of one across the line.
+        return 1 / np.abs(values * (1 - values)) if kind == "through" else 1 / np.abs(values)
 
 
 def _of_one_port(file: _File, frequency: FloatArray, s: ComplexArray, z0: ComplexArray, name: str) -> tuple[ComplexArray, str]:
@@ -196,7 +214,9 @@ class _File:
     ports: int
     comments: list[str]
     body: list[str]
+    rows: list[list[str]]
     lines: list[int]  # number of the line of each row
+    transmission: int  # column of the first number of S21 in the rows of two ports
 
 
 def _checked(text: str, name: str) -> _File:
@@ -211,6 +231,7 @@ def _checked(text: str, name: str) -> _File:
     frequencies: int | None = None
     # Whether rows of version 2 have begun, information or noise parameters are passed over, and only a triangle of the matrix is saved.
     network = passed = triangle = False
+    transmission = _S21_FIRST
     rows: list[list[str]] = []
     numbers: list[int] = []
     lines = split_lines(text)
@@ -240,6 +261,8 @@ def _checked(text: str, name: str) -> _File:
                 # Rows of a triangle are completed below, because the library leaves gaps in those of two ports.
                 triangle = value.strip() in ("lower", "upper")
                 continue
+            if key == "[two-port data order" and value.strip() == "12_21":
+                transmission = _S12_FIRST
             body.append(line)
             network = network or key == "[network data"
             if key == "[version":
@@ -268,7 +291,7 @@ def _checked(text: str, name: str) -> _File:
     last_column = [cells[-1] for cells in rows]
     if lines[-1].strip() and looks_cut(last_column[-1], last_column[:-1]):
         raise BadInput(f"{name}: the last number {last_column[-1]!r} is shorter than all others and no line end follows; the file is cut off")
-    return _File(options, version, _PORTS[len(rows[0])], comments, body, numbers)
+    return _File(options, version, _PORTS[len(rows[0])], comments, body, rows, numbers, transmission)
 
 
 def _checked_row(cells: list[str], before: list[list[str]], options: _Options, where: str) -> list[str]:
