@@ -359,6 +359,8 @@ def fit_(
     for name in result.undetermined():
         if name in result.parameters and result.converged:
             say(f"  the data do not determine {name}: {result.interval(name)}")
+    if result.converged and (other := result.another_solution()):
+        say(f"  {other}")
     if result.undetermined():
         say(f"  measure next: {next_measurement(result)['why']}")
     holds = {**changed.released, **held}

@@ -478,8 +478,10 @@ def _shown(fit: Fit, names: Sequence[str]) -> Fit:
 
 def _hidden(fit: Fit, names: Sequence[str]) -> Fit:
     """A fit with a large error, with parameters that are not needed held at their smallest value, if the error does not rise significantly."""
+    if not names or not misses_by_far(fit.sizes):
+        return fit
     loose = {name: _least_value(fit, name) for name in fit.undetermined() if name in names}
-    if not loose or not misses_by_far(fit.sizes):
+    if not loose:
         return fit
     task = dataclasses.replace(fit.task, held={**fit.held, **loose})
     problem = task.relative()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +12,6 @@ from motoremi.arrays import FloatArray
 from motoremi.errors import BadInput
 from motoremi.fitting.intervals import Derived, Interval
 from motoremi.fitting.polish import Precision, polish
-from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit, on_fits
 from motoremi.threads import one_blas_thread
 
@@ -26,64 +27,108 @@ def profile(fit: Fit, name: str) -> Interval:
 
     Unlike an error bar from the curvature, it is right where a parameter is poorly determined or near a bound. The sizes of the discrepancy
     and of the declared errors are those of the fit. It is widened like the error bar by what the likelihood does not contain: a motor that changed,
-    two resonances that may be exchanged.
+    two resonances that may be exchanged, and it contains other solutions that are about as probable.
 
     Raises
     ------
     BadInput
         For a parameter that is not a fitted, positive one.
     """
-    problem = fit.problem
-    index = next((i for i, p in enumerate(problem.unknowns) if p.name == name and p.scale == "log"), None)
+    index = next((i for i, p in enumerate(fit.problem.unknowns) if p.name == name and p.scale == "log"), None)
     if index is None:
         raise BadInput(f"{name} has no profile: it is not a fitted positive parameter of this model")
-    parameter = problem.unknowns[index]
+    along = Along(fit, index)
     other = 0.0 if fit.exchange is None else float(fit.exchange[index])
-    limit = fit.objective + RISE_95 * float((fit.shown_covariance[index, index] - other**2) / fit.covariance[index, index])
-    best = float(fit.unknowns[index])
-    # The error bar from the curvature is the right size to start with, where there is one.
-    first = min(max(fit.sigma[name] / fit.parameters[name], 1e-6), 0.2)
-
-    solution = {**fit.parameters, **fit.nuisance}
-    direction = _following(fit.linearised.matrix, index)
-
-    def excess(value: float, start: dict[str, float]) -> tuple[float, dict[str, float]]:
-        held = Problem(fit.motor, fit.measurement.coarse, fit.bounds, {**fit.held, name: float(np.exp(value))}, sizes=fit.sizes)
-        # From the neighbour, from the solution, and from the values that the others need if the data determine only a product.
-        along = problem.named(problem.clip(fit.unknowns + direction * (value - best)))
-        end = polish(held, np.array([held.vector(values) for values in (start, solution, along)]), iterations=100, precision=ALONG_PROFILE)
-        return float(end.objective[end.best]) - limit, held.named(end.u[end.best])
+    limit = fit.objective + RISE_95 * float((fit.local_covariance[index, index] - other**2) / fit.covariance[index, index])
 
     def edge(bound: float) -> tuple[float, bool]:
-        inside, values = best, solution
-        step = first * float(np.sign(bound - best))
-        while True:
-            trial = inside + step
-            past = abs(trial - best) >= abs(bound - best)
-            trial = bound if past else trial
-            over, found = excess(trial, values)
-            if over > 0:
-                break
-            if past:
-                return bound, True
-            inside, values, step = trial, found, 2 * step
-        outside = trial
+        reached = along.walk(bound, limit)
+        if reached.outside is None:
+            return bound, True
+        inside, values, outside = reached.inside, reached.values, reached.outside
         for _ in range(7):
             middle = 0.5 * (inside + outside)
-            over, found = excess(middle, values)
-            if over > 0:
+            found = along.below(limit, middle, values)
+            if found is None:
                 outside = middle
             else:
                 inside, values = middle, found
         return 0.5 * (inside + outside), False
 
-    low, open_below = edge(float(problem.low[index]))
-    high, open_above = edge(float(problem.high[index]))
-    low, high = min(low, best + other), max(high, best + other)
-    return Interval(name, parameter.unit, float(np.exp(low)), float(np.exp(high)), open_below, open_above)
+    low, open_below = edge(float(fit.problem.low[index]))
+    high, open_above = edge(float(fit.problem.high[index]))
+    others = (other, *fit.alternatives[:, index])
+    low, high = min(low, along.best + min(others)), max(high, along.best + max(others))
+    return Interval(name, fit.problem.unknowns[index].unit, float(np.exp(low)), float(np.exp(high)), open_below, open_above)
 
 
-def _following(matrix: FloatArray, index: int) -> FloatArray:
+class Reached(NamedTuple):
+    """Where a walk along one unknown ended.
+
+    Parameters
+    ----------
+    inside : float
+        The last value of the unknown at which the objective was below the limit.
+    values : dict
+        The solution there, SI units.
+    outside : float or None
+        The next value, with the objective above the limit; None if the walk reached the bound.
+    """
+
+    inside: float
+    values: dict[str, float]
+    outside: float | None
+
+
+class Along:
+    """The likelihood of a fit along one unknown: held at other values, with all other unknowns fitted there.
+
+    Parameters
+    ----------
+    fit : Fit
+    index : int
+        Of the unknown.
+    points : int, optional
+        On about so many points a sweep; all by default.
+    """
+
+    def __init__(self, fit: Fit, index: int, points: int | None = None) -> None:
+        self.best = float(fit.unknowns[index])
+        self._fit, self._index, self._points = fit, index, points
+        self._name = fit.problem.unknowns[index].name
+        self._solution = {**fit.parameters, **fit.nuisance}
+        self._direction = following(fit.linearised.matrix, index)
+
+    def below(self, limit: float, value: float, start: dict[str, float]) -> dict[str, float] | None:
+        """Values in SI units with an objective below a limit at a value of the unknown; None if there are none."""
+        fit, problem = self._fit, self._fit.problem
+        # From the neighbour, from the solution, and from the values that the others need if the data determine only a product.
+        moved = problem.clip(fit.unknowns + self._direction * (value - self.best))
+        along = problem.named(np.where(np.arange(moved.size) == self._index, value, moved))
+        task = dataclasses.replace(fit.task, held={**fit.held, self._name: along[self._name]})
+        held = task.likelihood(self._points, fit.sizes)
+        end = polish(held, held.vectors([start, self._solution, along]), iterations=100, precision=ALONG_PROFILE, enough=limit)
+        return held.named(end.u[end.best]) if end.objective[end.best] <= limit else None
+
+    def walk(self, bound: float, limit: float) -> Reached:
+        """Away from the solution in steps that double, until the objective is above a limit or the bound is reached."""
+        inside, values = self.best, self._solution
+        # The error bar from the curvature is the right size to start with, where there is one.
+        deviation = float(np.sqrt(self._fit.local_covariance[self._index, self._index]))
+        step = min(max(deviation, 1e-6), 0.2) * float(np.sign(bound - self.best))
+        while True:
+            trial = inside + step
+            past = abs(trial - self.best) >= abs(bound - self.best)
+            trial = bound if past else trial
+            found = self.below(limit, trial, values)
+            if found is None:
+                return Reached(inside, values, trial)
+            if past:
+                return Reached(trial, found, None)
+            inside, values, step = trial, found, 2 * step
+
+
+def following(matrix: FloatArray, index: int) -> FloatArray:
     """How the other unknowns move when one does; what the data leave open stays where it is."""
     others = np.arange(len(matrix)) != index
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))

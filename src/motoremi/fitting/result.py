@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray, FloatArray, FrozenDict, JsonDict
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray, FrozenDict, JsonDict
 from motoremi.data.analyser import DECLARED
 from motoremi.data.coarse import scatter_in_bins
 from motoremi.data.covariance import Sizes
@@ -44,12 +44,16 @@ SPECIFIED_SIGMA = 3.0
 # of that size 90 % of 107 intervals of 95 % contained the truth; 84 % with the average over how much worse analysers may be (1.7).
 WORSE = 2.0**2 - 1
 # Fields of a fit that cannot be changed either.
-MAPPINGS = ("parameters", "sigma", "nuisance", "bounds", "held", "search_parameters", "likeliest_parameters")
+MAPPINGS = ("parameters", "local_sigma", "nuisance", "bounds", "held", "search_parameters", "likeliest_parameters")
 # Standard deviations by which chi-squared is above what noise and analyser leave: of a complex value at each point its mean has one of
 # 1 / sqrt(points).
 PLAINLY_MORE = 5.0
 # A value that is so near to its bound, as a share of its range, is at it; searches end on it exactly, but for rounding.
 EDGE = 1e-6
+# Standard deviations away that another solution is far. A likelihood that is a normal distribution is there e^8 times lower, and has none.
+FAR = 4.0
+# Of another solution, parameters that differ by more than this share are shown.
+CLEARLY = 0.05
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.
 LEAST_LIKELY = 1e-3
 
@@ -64,10 +68,10 @@ class Fit:
     measurement : Measurement
     method : {"ant-colony", "paper"}
     seed : int
-    parameters, sigma : dict
-        Values and standard deviations in SI units; sigma is infinite for what the data do not determine; it includes the discrepancy,
-        that the analyser may be worse than declared, changes while the repeats drifted, and that the resonances of an open-circuit
-        sweep alone may be exchanged.
+    parameters, local_sigma : dict
+        Values and standard deviations in SI units, infinite for what the data do not determine: from the curvature at the solution, with the
+        discrepancy, that the analyser may be worse than declared, changes while the repeats drifted, and that the resonances of an
+        open-circuit sweep alone may be exchanged. `sigma` has other solutions as well.
     nuisance : dict
         Most probable residuals of the fixture's compensation, SI units.
     chi2_reduced : float
@@ -102,7 +106,7 @@ class Fit:
     method: Method
     seed: int
     parameters: Mapping[str, float]
-    sigma: Mapping[str, float]
+    local_sigma: Mapping[str, float]
     nuisance: Mapping[str, float]
     chi2_reduced: float
     rms_error_percent: float
@@ -235,7 +239,7 @@ class Fit:
     def covariance(self) -> FloatArray:
         """Of the problem's unknowns (logarithms of positive parameters), averaged over how much worse than declared the analyser may be.
 
-        That of the linear model round the solution; `shown_covariance` is what error bars follow from.
+        That of the linear model round the solution; `local_covariance` and `shown_covariance` have more.
         """
         shares = self.marginal.of_scale
         total = np.zeros_like(self.linearised.matrix)
@@ -245,7 +249,31 @@ class Fit:
         return total
 
     @cached_property
+    def alternatives(self) -> FloatArray:
+        """Steps to other solutions of this model that are about as probable and not near this one, shape (m, k)."""
+        return on_fits.alternatives(self)
+
+    @cached_property
+    def sigma(self) -> Mapping[str, float]:
+        """Standard deviations of the parameters in SI units, so that one of them contains the other solutions: `alternatives`."""
+        return self.local_sigma if not len(self.alternatives) else FrozenDict(_in_si(self, self.shown_covariance))
+
+    @cached_property
     def shown_covariance(self) -> FloatArray:
+        """That of `local_covariance`, and of other solutions that are far: one standard deviation contains each of them."""
+        total = self.local_covariance
+        for step in self.alternatives:
+            if self.far(step[None])[0] and (np.abs(step) > np.sqrt(np.diag(total))).any():
+                total = total + np.outer(step, step)
+        return total
+
+    def far(self, steps: FloatArray) -> BoolArray:
+        """Whether steps of the unknowns, shape (m, k), are far for a parameter of the motor, given its error bar from the curvature."""
+        own = self.weighed.own
+        return np.asarray((np.abs(steps) > FAR * np.sqrt(np.diag(self.local_covariance)))[:, own].any(axis=1))
+
+    @cached_property
+    def local_covariance(self) -> FloatArray:
         """The same with what the likelihood does not contain.
 
         That is: changes between the sweeps, two resonances that may be exchanged, an error that all impedances have in common
@@ -443,6 +471,16 @@ class Fit:
         ]
         return "\n".join(lines)
 
+    def another_solution(self) -> str | None:
+        """The farthest of the other solutions in words, if there are any: those parameters that are clearly different."""
+        if not len(self.alternatives):
+            return None
+        units = {p.name: p.unit for p in self.motor.parameters}
+        values = self.weighed.named(self.unknowns + self.alternatives[0])
+        differing = [name for name, own in self.parameters.items() if abs(values[name] - own) > CLEARLY * abs(own)]
+        shown = ", ".join(f"{name} {show(values[name], units[name], 3)}" for name in differing)
+        return f"other values describe these sweeps about as well, for example {shown}" if shown else None
+
     @property
     def said_of_the_rest(self) -> str:
         """The undescribed part and the analyser's error, in words."""
@@ -472,6 +510,7 @@ class OnFits:
     refit_with: Callable[[Fit, str, Mapping[str, float] | None, bool], Fit]
     refit_without: Callable[[Fit, str | None], Fit]
     profile: Callable[[Fit, str], Interval]
+    alternatives: Callable[[Fit], FloatArray]
     derived: Callable[[Fit], list[Derived]]
 
 
@@ -568,7 +607,7 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         method=method,
         seed=seed,
         parameters={p.name: values[p.name] for p in problem.motor.parameters if p.name in values},
-        sigma={},
+        local_sigma={},
         nuisance={name: value for name, value in values.items() if name not in own},
         chi2_reduced=(float(strict.objective(strict.vector(values))) + scatter) / (strict.degrees_of_freedom + 2 * (problem.size - strict.size)),
         rms_error_percent=plain_percent,
@@ -589,24 +628,29 @@ def summarise(task: Task, found: Found, method: Method, seed: int) -> Fit:
         search_parameters=found.searched,
         likeliest_parameters=solution.likeliest,
     )
-    return _with_sigma(result, problem, own)
+    return _with_sigma(result, problem)
 
 
-def _with_sigma(result: Fit, problem: Problem, own: set[str]) -> Fit:
+def _with_sigma(result: Fit, problem: Problem) -> Fit:
     """With the standard deviations, which follow from the covariance."""
-    deviations = np.sqrt(np.diag(result.shown_covariance))
-    sigma: dict[str, float] = dict.fromkeys(result.parameters, 0.0)
-    for index, parameter in enumerate(problem.unknowns):
-        if parameter.name in own:
-            unit = result.parameters[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
-            sigma[parameter.name] = float(abs(unit) * deviations[index])
     warnings = result.warnings if result.exchange is None else (*result.warnings, EXCHANGEABLE)
     units = {p.name: p.unit for p in problem.unknowns}
     warnings += tuple(
         f"{name} is at its bound, {show(bound, units[name])}: this value is not measured, and the others depend on it; fit with wider bounds"
         for name, bound in result.at_bounds.items()
     )
-    return dataclasses.replace(result, sigma=sigma, warnings=warnings)
+    return dataclasses.replace(result, local_sigma=_in_si(result, result.local_covariance), warnings=warnings)
+
+
+def _in_si(fit: Fit, covariance: FloatArray) -> dict[str, float]:
+    """Standard deviations of the parameters in SI units; 0 of one that is held."""
+    problem, deviations = fit.problem, np.sqrt(np.diag(covariance))
+    sigma: dict[str, float] = dict.fromkeys(fit.parameters, 0.0)
+    for index, parameter in enumerate(problem.unknowns):
+        if parameter.name in sigma:
+            unit = fit.parameters[parameter.name] if parameter.scale == "log" else problem.vector_scale(index)
+            sigma[parameter.name] = float(abs(unit) * deviations[index])
+    return sigma
 
 
 def _rms_percent(error: ComplexArray) -> float:
