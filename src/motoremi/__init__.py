@@ -14,7 +14,7 @@ from motoremi import drawing
 
 if TYPE_CHECKING:
     from motoremi.blind.scoreboard_frames import scoreboard_frames
-    from motoremi.data.files import read_impedance, read_spectra
+    from motoremi.data.files import read_impedance, read_impedances, read_spectra
     from motoremi.data.session import Session, load, verify
     from motoremi.data.spectrum import Spectrum
     from motoremi.data.sweep import ImpedanceSweep
@@ -64,6 +64,7 @@ _HOMES = {
     "dc_motor": "motoremi.model.motor",
     "effects_from": "motoremi.model.effects",
     "read_impedance": "motoremi.data.files",
+    "read_impedances": "motoremi.data.files",
     "read_spectra": "motoremi.data.files",
     "scoreboard_frames": "motoremi.blind.scoreboard_frames",
     "spice_model": "motoremi.export.spice",
@@ -96,6 +97,7 @@ __all__ = [
     "load",
     "predict",
     "read_impedance",
+    "read_impedances",
     "read_spectra",
     "scoreboard_frames",
     "spice_model",

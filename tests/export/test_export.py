@@ -85,6 +85,36 @@ def test_parquet(session, tmp_path):
     assert len(pd.read_parquet(tmp_path / "m.parquet")) == 4 * 401
 
 
+def test_stated_noise_and_rounding_are_exported_and_read_back(tmp_path):
+    frequency = np.geomspace(150e3, 30e6, 101)
+    ohm = 5 + 2j * np.pi * frequency * 27e-6
+    lines = [f"{f!r},{z.real:.3g},{z.imag:.3g}" for f, z in zip(frequency.tolist(), ohm * (1 + 1e-3 * np.sin(frequency)), strict=True)]
+    (tmp_path / "rounded.csv").write_text("frequency_hz,resistance_ohm,reactance_ohm\n" + "\n".join(lines) + "\n")
+    stated = [f"{f!r},{z.real!r},{z.imag!r},0.002" for f, z in zip(frequency.tolist(), (1.01 * ohm).tolist(), strict=True)]
+    (tmp_path / "stated.csv").write_text("frequency_hz,resistance_ohm,reactance_ohm,sigma_relative\n" + "\n".join(stated) + "\n")
+    files = (tmp_path / "rounded.csv", tmp_path / "stated.csv")
+    invoke("import", tmp_path / "s", "--short", files[0], "--short", files[1], "--open", files[1], "--analyser", "none")
+    invoke("export", tmp_path / "s", "--csv", tmp_path / "all.csv", "--hdf5", tmp_path / "all.h5")
+    before = me.load(tmp_path / "s").sweeps
+    after = [sweep for termination in ("short", "open") for sweep in me.read_impedances(tmp_path / "all.csv", termination)]
+    for sweep, again in zip(before, after, strict=True):
+        np.testing.assert_array_equal(sweep.impedance_ohm, again.impedance_ohm)
+        for own, read in ((sweep.sigma_relative, again.sigma_relative), (sweep.rounding_relative, again.rounding_relative)):
+            assert (own is None) == (read is None)
+            if own is not None:
+                np.testing.assert_array_equal(own, read)
+    assert [sweep.sigma_relative is None for sweep in after] == [True, False, False]
+    assert [sweep.rounding_relative is None for sweep in after] == [False, True, True]
+    with h5py.File(tmp_path / "all.h5") as file:
+        np.testing.assert_array_equal(file["sweeps/short-1/rounding_relative"], before[0].rounding_relative)
+        assert "rounding_relative" not in file["sweeps/short-2"]
+    arrays = me.to_xarray(me.load(tmp_path / "s"))
+    np.testing.assert_array_equal(arrays["open_sigma_relative"], before[2].sigma_relative)
+    # Of the two repeats one is rounded.
+    np.testing.assert_allclose(arrays["short_rounding_relative"], before[0].rounding_relative / np.sqrt(2))
+    assert "short_sigma_relative" not in arrays
+
+
 def me_fit(session):
     from motoremi.workflow import ladder_of
 

@@ -37,6 +37,9 @@ from motoremi.errors import BadInput
 from motoremi.given import refuse_other
 from motoremi.quantities import show_band
 
+# Columns of errors, which are not those of the impedance itself.
+_ERRORS = ("sigma_relative", "rounding_relative")
+
 
 def read_impedance(
     path: str | os.PathLike[str],
@@ -288,6 +291,8 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None, by_
         if written != termination:
             raise BadInput(f"{name}: its header says it is the {written} sweep, but it was given as the {termination} sweep")
         del header["termination"]
+    # In a table of several sweeps an error may be stated for some of them: its cells are empty for the others.
+    found = {meaning: column for meaning, column in found.items() if meaning not in _ERRORS or any(cells[column.index] for cells in table.rows)}
     sigma = column_values(table, found["sigma_relative"]) if "sigma_relative" in found else None
     impedance = impedance_of(table, found, pair, frequency)
     if pair.second in LOSSES and impedance.size and np.all(impedance.real >= 0):

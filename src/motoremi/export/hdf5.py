@@ -41,8 +41,9 @@ def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
         for repeat, sweep in zip(repeat_numbers(sweeps), sweeps, strict=True):
             group = file.create_group(f"{places[sweep.condition]}/{sweep.termination}-{repeat}")
             group["frequency_hz"], group["impedance_ohm"] = sweep.frequency_hz, sweep.impedance_ohm
-            if sweep.sigma_relative is not None:
-                group["sigma_relative"] = sweep.sigma_relative
+            for name, error in (("sigma_relative", sweep.sigma_relative), ("rounding_relative", sweep.rounding_relative)):
+                if error is not None:
+                    group[name] = error
             group.attrs["metadata"] = to_page(sweep.metadata)
         for number, value in enumerate(session.values, start=1):
             file[f"values/{number}"] = value.value_si

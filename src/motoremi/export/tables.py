@@ -27,8 +27,9 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        `termination, repeat, frequency_hz, resistance_ohm, reactance_ohm`, with a fit also `model_resistance_ohm, model_reactance_ohm`, for
-        simulated data also `simulated`. If sweeps were measured under a condition, also `condition, condition_value, condition_unit`, without a
+        `termination, repeat, frequency_hz, resistance_ohm, reactance_ohm`; `sigma_relative` and `rounding_relative` if a sweep has them, without
+        a value in the rows of sweeps that do not; with a fit also `model_resistance_ohm, model_reactance_ohm`, for simulated data also
+        `simulated`. If sweeps were measured under a condition, also `condition, condition_value, condition_unit`, without a
         value in the rows of the motor as it is. The model is that of the motor as it is: it has no value in rows under a condition.
 
     Raises
@@ -42,6 +43,7 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
     sweeps = (*session.corrected_sweeps, *session.corrected_conditioned)
     if not sweeps:
         raise BadInput(f"{session.path.name} holds no impedance sweep: there is nothing to export")
+    errors = [name for name in ("sigma_relative", "rounding_relative") if any(getattr(sweep, name) is not None for sweep in sweeps)]
     frames = []
     for repeat, sweep in zip(repeat_numbers(sweeps), sweeps, strict=True):
         columns: dict[str, object] = {"termination": sweep.termination, "repeat": repeat}
@@ -57,6 +59,9 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
             "resistance_ohm": sweep.impedance_ohm.real,
             "reactance_ohm": sweep.impedance_ohm.imag,
         }
+        for name in errors:
+            own_errors = getattr(sweep, name)
+            columns[name] = np.full(len(sweep), np.nan) if own_errors is None else own_errors
         if fit is not None:
             known = sweep.condition is None
             model = fit.model_ohm(sweep.termination, sweep.frequency_hz) if known else np.full(len(sweep), complex(np.nan, np.nan))
@@ -95,6 +100,9 @@ def parquet_bytes(session: Session, fit: Fit | None) -> bytes:
 def to_xarray(session: Session) -> xr.Dataset:
     """Sweeps as labelled arrays: `short_ohm` and `open_ohm` over `repeat` and their own frequencies, spectra over theirs.
 
+    `short_sigma_relative` and `short_rounding_relative` (also `open_`) are the stated noise of one repeat and the error of its rounded numbers,
+    over frequency, where they are known.
+
     Spectra are `spectrum_1_dbuv` and so on, short scans of a final measurement `final_1_dbuv`. Sweeps under a condition are
     `condition_1_short_ohm` and so on, with attributes that name the condition; values from other meters are `value_1` and so on, with attributes
     for name, unit and standard deviation.
@@ -123,14 +131,18 @@ def to_xarray(session: Session) -> xr.Dataset:
                 coords={axis: group.frequency_hz, f"{name}_repeat": np.arange(1, group.repeats + 1)},
                 attrs={"units": "ohm", **condition_attributes(condition)},
             )
+            for error, values in (("sigma_relative", group.sigma_relative), ("rounding_relative", group.rounding_relative)):
+                if values is not None:
+                    attributes = {"units": "1", **condition_attributes(condition)}
+                    arrays[f"{name}_{error}"] = xr.DataArray(values, dims=(axis,), coords={axis: group.frequency_hz}, attrs=attributes)
     for number, value in enumerate(session.values, start=1):
         arrays[f"value_{number}"] = xr.DataArray(value.value_si, attrs={"name": value.name, "units": value.unit, "sigma": value.sigma})
     for kind, spectra in (("spectrum", session.corrected_spectra), ("final", session.corrected_finals)):
         for number, spectrum in enumerate(spectra, start=1):
             axis = f"{kind}_{number}_frequency_hz"
-            attributes = {"detector": spectrum.detector, "resolution_bandwidth_hz": spectrum.resolution_bandwidth_hz}
+            of_detector = {"detector": spectrum.detector, "resolution_bandwidth_hz": spectrum.resolution_bandwidth_hz}
             coordinates = {axis: spectrum.frequency_hz}
-            arrays[f"{kind}_{number}_dbuv"] = xr.DataArray(spectrum.level_dbuv, dims=(axis,), coords=coordinates, attrs=attributes)
+            arrays[f"{kind}_{number}_dbuv"] = xr.DataArray(spectrum.level_dbuv, dims=(axis,), coords=coordinates, attrs=of_detector)
     return xr.Dataset(arrays, attrs={"session": session.path.name, "simulated": int(session.simulated)})
 
 
