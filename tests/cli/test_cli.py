@@ -14,8 +14,10 @@ from command_line import document, motoremi, motoremi_process
 from conftest import simulated_sweeps
 from few_effects import FEW, seeking
 from places import DATA, ROOT
+from typer.main import get_command
 
 import motoremi as me
+from motoremi.cli.app import app
 from motoremi.cli.arguments import ONE_VALUE, SEVERAL_FILES, expanded
 from motoremi.cli.demo import PLAIN_PERCENT, plain_story
 from motoremi.data.csvfiles import write_impedance_csv
@@ -351,6 +353,14 @@ def test_every_command_has_help_with_an_example():
         done = motoremi(name, "--help")
         assert done.returncode == 0
         assert "Example: motoremi" in done.stdout
+
+
+def test_every_command_has_an_example_and_speaks_json():
+    commands = get_command(app).commands
+    assert {"simulate", "investigate", "workbench", "fleet"} <= set(commands)
+    for name, command in commands.items():
+        assert (command.epilog or "").startswith(f"Example: motoremi {name}")
+        assert any("--json" in parameter.opts for parameter in command.params), name
 
 
 def test_catalogue_and_doctor_speak_json():

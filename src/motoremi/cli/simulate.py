@@ -22,6 +22,7 @@ def simulate_(
     seed: Annotated[int, typer.Option(min=0, help="Number from which motor, errors and noise are drawn.")] = 1,
     connected: Annotated[str | None, typer.Option(metavar="WHAT", help="What is connected at the beginning.", show_default=False)] = None,
     speed: Annotated[float, typer.Option(min=0.001, help="Speed of the instrument's time: 10 is ten times real time.")] = 1.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Allowed as with every command: the line is JSON without it, too.")] = False,
 ) -> None:
     """Serve a virtual instrument on loopback until Ctrl-C; prints {"resource": ...} when ready.
 
