@@ -20,6 +20,7 @@ from places import DATA
 
 from motoremi.data import noise as noise_module
 from motoremi.data import session as session_module
+from motoremi.data.csvfiles import impedance_csv
 from motoremi.data.files import parse_impedance_csv, read_impedance
 from motoremi.data.noise import estimate_noise
 from motoremi.data.session import Session, SessionWriter, StorageError, load, reopen, verify
@@ -367,9 +368,9 @@ def test_a_number_is_not_used_again_after_its_file_was_removed(session: Path) ->
 def test_a_measured_file_that_a_later_document_replaces_is_found(session: Path) -> None:
     """As former versions wrote it when somebody removed the folder of the sweeps during the run."""
     with reopen(session) as writer:
-        (session / "sweeps" / "short-1.csv").unlink()
-        writer._documented.clear()
-        assert writer.add_sweep(sweep(gain=1.02)).name == "short-1.csv"
+        second = impedance_csv(sweep(gain=1.02)).encode()
+        (session / "sweeps" / "short-1.csv").write_bytes(second)
+        writer.emit("sweep", file="sweeps/short-1.csv", sha256=hashlib.sha256(second).hexdigest(), termination="short")
     assert verify(session) == ["sweeps/short-1.csv: was changed", "sweeps/short-1.csv: was replaced, 2 documents name it"]
     with pytest.raises(BadInput, match="was changed after it was stored"):
         load(session)

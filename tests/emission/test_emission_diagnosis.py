@@ -20,7 +20,7 @@ from motoremi.emission.background import ambient_of
 from motoremi.emission.band import BAND_B
 from motoremi.emission.board import Candidate
 from motoremi.emission.diagnose import add_effect, answer_from, diagnose_emission, fit_base, without_doubtful_pairs
-from motoremi.emission.observe import _sums_of_cosines, find_comb, observations, repetition_from
+from motoremi.emission.observe import find_comb, observations, repetition_from, sums_of_cosines
 from motoremi.emission.scatter import ripple_columns, scatter_db
 from motoremi.emission.setup import Setup, scan_frequencies
 from motoremi.emission.source import Source
@@ -254,7 +254,7 @@ def test_the_correlation_with_combs_is_a_sum_of_cosines(points):
     equal = 150e3 + 4.5e3 * np.arange(points)
     for frequency_hz in (equal, equal + rng.uniform(0, 2e3, points)):
         wanted = [sum(detail * np.cos(2 * np.pi * frequency_hz / spacing)) for spacing in spacings]
-        assert _sums_of_cosines(frequency_hz, detail, spacings) == pytest.approx(wanted, abs=1e-7)
+        assert sums_of_cosines(frequency_hz, detail, spacings) == pytest.approx(wanted, abs=1e-7)
 
 
 def test_noise_is_no_comb():

@@ -194,16 +194,15 @@ def test_a_scan_of_other_frequencies_is_refused(first_hz: int) -> None:
     """A firmware that measures something else, or prints an earlier scan again."""
     rows = "".join(f"{first_hz + step} 0.5 0.1 \r\n" for step in (0, 5_000, 10_000))
     analyser = NanoVna(ReplayTransport("SCRIPT", exchanges(("scan 150000 160000 3 3", rows))))
-    analyser._pieces = [(150_000, 160_000, 3)]
     with pytest.raises(InstrumentError, match="measured other frequencies than asked for"):
-        analyser.scan()
+        analyser.rows((150_000, 160_000, 3), analyser.AXIS_AND_S11, 3)
 
 
 def test_frequencies_may_be_rounded_to_whole_hertz() -> None:
     rows = "150000 0.5 0.1 \r\n153333 0.5 0.1 \r\n156667 0.5 0.1 \r\n160000 0.5 0.1 \r\n"
     analyser = NanoVna(ReplayTransport("SCRIPT", exchanges(("scan 150000 160000 4 3", rows))))
-    analyser._pieces = [(150_000, 160_000, 4)]
-    np.testing.assert_array_equal(analyser.scan(), np.full(4, 0.5 + 0.1j))
+    rows = analyser.rows((150_000, 160_000, 4), analyser.AXIS_AND_S11, 3)
+    np.testing.assert_array_equal(rows[:, 1:], np.full((4, 2), (0.5, 0.1)))
 
 
 def test_an_echo_that_is_another_one_is_a_bad_link() -> None:

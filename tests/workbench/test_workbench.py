@@ -527,7 +527,7 @@ def test_a_motor_that_is_typed_does_not_take_the_serial_number_of_another(tmp_pa
     place = Workplace(Shelf(tmp_path), Events(), BenchFile(motor="M1", serial="1", operator="Anna"))
 
     def stated(**typed):
-        bench_file = place._bench(Asked.of({**RUN, "bench": "real", "motor": "", **typed}))
+        bench_file = place.bench_file_of(Asked.of({**RUN, "bench": "real", "motor": "", **typed}))
         return bench_file.motor, bench_file.serial
 
     assert stated() == stated(motor="M1") == ("M1", "1")

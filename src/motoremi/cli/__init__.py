@@ -35,8 +35,7 @@ def _run() -> int | None:
 
     try:
         front, rest = hoisted(sys.argv[1:])
-        status: int | None = app(args=[*front, *expanded(rest)], prog_name="motoremi", standalone_mode=False)
-        return status
+        return app(args=[*front, *expanded(rest)], prog_name="motoremi", standalone_mode=False)
     except typer.Exit as error:
         return error.exit_code
     except typer.TyperException as error:  # wrong use of the command line

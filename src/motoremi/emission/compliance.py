@@ -206,8 +206,7 @@ def _is_final(scan: Spectrum) -> bool:
 def _within(scan: Spectrum, final: Spectrum) -> BoolArray:
     """Points of a scan that a final measurement covers."""
     before, after = steps_beside(scan.frequency_hz)
-    inside: BoolArray = (scan.frequency_hz + after / 2 >= final.frequency_hz[0]) & (scan.frequency_hz - before / 2 <= final.frequency_hz[-1])
-    return inside
+    return (scan.frequency_hz + after / 2 >= final.frequency_hz[0]) & (scan.frequency_hz - before / 2 <= final.frequency_hz[-1])
 
 
 def _not_read_again(exact: Sequence[Spectrum], higher: Sequence[Spectrum], finals: Sequence[Spectrum], line: LimitLine, guard_db: float) -> str:

@@ -91,25 +91,34 @@ def _refined(frequency_hz: FloatArray, level_dbuv: FloatArray, spacing: float) -
     if not power:
         return Comb(spacing, 0.0)
     tries = spacing * (1 + np.linspace(-1, 1, _TRIES) / (8 * _LINES))
-    scores = _sums_of_cosines(part_hz, detail, tries) / power
+    scores = sums_of_cosines(part_hz, detail, tries) / power
     top = int(np.argmax(scores))
     return Comb(float(tries[top]), float(scores[top]), part_hz.size)
 
 
-def _sums_of_cosines(frequency_hz: FloatArray, detail: FloatArray, spacings: FloatArray) -> FloatArray:
-    """Sum of detail cos(2 pi f / spacing) for each spacing."""
+def sums_of_cosines(frequency_hz: FloatArray, detail: FloatArray, spacings: FloatArray) -> FloatArray:
+    """Sum of detail cos(2 pi f / spacing) for each spacing.
+
+    Parameters
+    ----------
+    frequency_hz, detail : ndarray, shape (n,)
+    spacings : ndarray, shape (m,)
+        In hertz.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+    """
     turn = 2 * np.pi / spacings[:, None]
     if not np.allclose(frequency_hz, np.linspace(frequency_hz[0], frequency_hz[-1], frequency_hz.size), rtol=1e-9, atol=0):
-        direct: FloatArray = np.cos(turn * frequency_hz) @ detail
-        return direct
+        return np.cos(turn * frequency_hz) @ detail
     # At equal steps exp(i (a + b)) = exp(i a) exp(i b): n points need only about 2 sqrt(n) exponentials, for the rows and for the points in a row.
     step = (frequency_hz[-1] - frequency_hz[0]) / (frequency_hz.size - 1)
     width = math.isqrt(frequency_hz.size)
     rows = np.pad(detail, (0, -detail.size % width)).reshape(-1, width)
     within = np.exp(1j * turn * step * np.arange(width))
     starts = np.exp(1j * turn * (frequency_hz[0] + step * width * np.arange(len(rows))))
-    sums: FloatArray = np.sum(starts * (within @ rows.T), axis=1).real
-    return sums
+    return np.sum(starts * (within @ rows.T), axis=1).real
 
 
 def repetition_from(peak: Spectrum, average: Spectrum) -> float | None:

@@ -159,8 +159,7 @@ class DaskCluster(ExecutorMaker):
 
     def open(self) -> Executor:
         # pure=False: results are not cached by Dask, because a session may have changed since another client submitted the same job.
-        executor: Executor = self._client.get_executor(pure=False)
-        return executor
+        return self._client.get_executor(pure=False)
 
     def close(self) -> None:
         """Disconnect from the cluster."""

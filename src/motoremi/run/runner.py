@@ -128,8 +128,7 @@ def resumable(session: Session, bench_file: BenchFile) -> tuple[Procedure, Done]
 def source_at(documents: Sequence[JsonDict]) -> JsonDict:
     """Source of the procedure after these documents of a session: as it was begun, or as the last resumption with another bench changed it."""
     changed = [document["procedure"] for document in documents if document["kind"] == "resume" and "procedure" in document]
-    source: JsonDict = [documents[0]["procedure"], *changed][-1]
-    return source
+    return [documents[0]["procedure"], *changed][-1]
 
 
 def _stated(bench_file: BenchFile) -> JsonDict:

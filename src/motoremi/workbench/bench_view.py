@@ -113,7 +113,7 @@ class Workplace:
     def look(self, asked: Asked) -> JsonDict:
         """Identify each instrument of a procedure."""
         self._refuse_while_running()
-        bench_file = self._bench(asked)
+        bench_file = self.bench_file_of(asked)
         procedure = on_bench(load_procedure(asked.procedure), bench_file)
         bench = make_bench(bench_file)
         found = []
@@ -136,7 +136,7 @@ class Workplace:
 
     def begin(self, asked: Asked) -> JsonDict:
         """Start a run and return the identifier of its session."""
-        bench_file = self._bench(asked)
+        bench_file = self.bench_file_of(asked)
         procedure = on_bench(load_procedure(asked.procedure), bench_file)
         folder = self._shelf.fresh("run")
         start = start_document(procedure, bench_file)
@@ -146,7 +146,7 @@ class Workplace:
         """Resume the run of an interrupted session."""
         folder = self._shelf.desk(identifier).path
         session = load(folder)
-        bench_file = self._bench_of(session, self._bench(asked), asked.seed)
+        bench_file = self._bench_of(session, self.bench_file_of(asked), asked.seed)
         procedure, done = resumable(session, bench_file)
         return self._start(procedure, bench_file, folder, lambda: reopen(folder), asked.ask, done)
 
@@ -237,7 +237,14 @@ class Workplace:
             raise BadInput("no bench file was named at the start: motoremi workbench --bench bench.toml")
         return self._bench_file
 
-    def _bench(self, asked: Asked) -> BenchFile:
+    def bench_file_of(self, asked: Asked) -> BenchFile:
+        """The bench file of a run: the real one with what was typed, or one of a simulated motor.
+
+        Raises
+        ------
+        BadInput
+            If there is no such bench, or no such effect to hide.
+        """
         if asked.bench == REAL:
             real = self._real()
             return real.model_copy(update={"operator": asked.operator or real.operator, **_motor_of(asked, real)})

@@ -24,7 +24,7 @@ from motoremi.workflow_investigate import ENDS, taught_bits
 LONGEST = 200
 
 
-def following(desk: Desk, benches: Sequence[str], without: Sequence[str] = ()) -> JsonDict:
+def content(desk: Desk, benches: Sequence[str], without: Sequence[str] = ()) -> JsonDict:
     """The next measurement, the explanations with their probabilities, and the measurements so far.
 
     Parameters

@@ -130,7 +130,7 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
             lambda request: story.look(w.desk(request), request.query_params.get("of", ""), request.query_params.get("effect", ""), _band(request)),
         ),
         _get(session + "/inspect", lambda request: views.inspection(w.desk(request), request.query_params.get("element", ""), _band(request))),
-        _get(session + "/next", lambda request: _following(w, request)),
+        _get(session + "/next", lambda request: _next(w, request)),
         _post(session + "/answer", _changing(w, lambda desk, body, progress: next_view.bring(desk, w.tray, body, progress), "diagnosing anew")),
         _post(session + "/investigate", lambda request, body: w.place.investigate(request.path_params["id"], body)),
         _get(session + "/emission", lambda request: spectrum_view.spectra(w.desk(request), _band(request))),
@@ -238,9 +238,9 @@ def _sessions(w: Workbench) -> JsonDict:
     return {"first": w.shelf.first, "sessions": w.listing.entries()}
 
 
-def _following(w: Workbench, request: Request) -> JsonDict:
+def _next(w: Workbench, request: Request) -> JsonDict:
     desk = w.desk(request)
-    return next_view.following(desk, w.place.benches(desk.session), request.query_params.getlist("without"))
+    return next_view.content(desk, w.place.benches(desk.session), request.query_params.getlist("without"))
 
 
 def _text(body: JsonDict, key: str) -> str:
