@@ -14,7 +14,7 @@ from motoremi import drawing
 
 if TYPE_CHECKING:
     from motoremi.blind.scoreboard_frames import scoreboard_frames
-    from motoremi.data.files import read_impedance, read_impedances, read_spectra
+    from motoremi.data.files import read_emission, read_impedance, read_impedances, read_spectra
     from motoremi.data.session import Session, load, verify
     from motoremi.data.spectrum import Spectrum
     from motoremi.data.sweep import ImpedanceSweep
@@ -63,6 +63,7 @@ _HOMES = {
     "Motor": "motoremi.model.motor",
     "dc_motor": "motoremi.model.motor",
     "effects_from": "motoremi.model.effects",
+    "read_emission": "motoremi.data.files",
     "read_impedance": "motoremi.data.files",
     "read_impedances": "motoremi.data.files",
     "read_spectra": "motoremi.data.files",
@@ -96,6 +97,7 @@ __all__ = [
     "inspect",
     "load",
     "predict",
+    "read_emission",
     "read_impedance",
     "read_impedances",
     "read_spectra",

@@ -71,7 +71,7 @@ class Import:
     spectra : tuple of Spectrum
         As read.
     corrected : tuple of Spectrum
-        Levels after the corrections.
+        Levels of the spectra after the corrections.
     start : dict
         The session's first document.
     caveats : tuple of str
@@ -80,6 +80,8 @@ class Import:
         Observations on the spectra without a model.
     limit : str
     values : tuple of SingleValue
+    finals : tuple of Spectrum
+        Final values as read.
     """
 
     sweeps: tuple[ImpedanceSweep, ...]
@@ -90,6 +92,7 @@ class Import:
     observations: tuple[JsonDict, ...]
     limit: str
     values: tuple[SingleValue, ...] = ()
+    finals: tuple[Spectrum, ...] = ()
 
     def store(self, folder: Path) -> JsonDict | None:
         """Make the session; returns the verdict if the spectra are judged against a limit."""
@@ -100,6 +103,8 @@ class Import:
                 writer.add_value(value)
             for spectrum in self.spectra:
                 writer.add_spectrum(spectrum)
+            for final in self.finals:
+                writer.add_final(final)
             verdict = judged(writer, self.limit) if self.limit else None
             writer.close("done")
         return verdict
@@ -307,7 +312,12 @@ def _unlike_stored(stored: Measurement, new: Sequence[ImpedanceSweep]) -> list[s
 
 
 def prepared(
-    sweeps: Sequence[ImpedanceSweep], spectra: Sequence[Spectrum], options: ImportOptions, names: Sequence[str], values: Sequence[SingleValue] = ()
+    sweeps: Sequence[ImpedanceSweep],
+    spectra: Sequence[Spectrum],
+    options: ImportOptions,
+    names: Sequence[str],
+    values: Sequence[SingleValue] = (),
+    finals: Sequence[Spectrum] = (),
 ) -> Import:
     """All content of a new session, checked before its folder is created, so that no incomplete session can remain.
 
@@ -319,6 +329,8 @@ def prepared(
     names : sequence of str
         Names of the files, as recorded in the session.
     values : sequence of SingleValue
+    finals : sequence of Spectrum
+        Final values as read.
 
     Raises
     ------
@@ -329,6 +341,8 @@ def prepared(
         find_limit(options.limit)
         if not spectra:
             raise BadInput("a limit is for emission spectra, and none of the files is one (--spectrum FILE...)")
+    if finals and not spectra:
+        raise BadInput("final values alone show nothing of the rest of the span: import the scans in which their maxima were found with them")
     named = find_analyser(options.analyser).name if options.analyser is not None else None
     own = _with_options(sweeps, options)
     refuse_impossible(own, options.analyser)
@@ -336,6 +350,8 @@ def prepared(
         own = [sweep.with_metadata(analyser=named) for sweep in own]
     chain = options.corrections
     corrected = [chain.corrected_spectrum(item) for item in spectra]
+    for final in finals:
+        chain.corrected_spectrum(final)
     measurement = Measurement.of([chain.corrected_sweep(sweep) for sweep in own], values=values) if own else None
     start = {
         "title": f"Imported: {options.motor}" if options.motor else "Imported sweeps",
@@ -351,7 +367,8 @@ def prepared(
     caveats = [] if measurement is None else [*measurement.caveats(), *_without_use(measurement, own, values)]
     caveats += chain.remarks()
     caveats += import_notes(spectra)
-    return Import(tuple(own), tuple(spectra), tuple(corrected), start, tuple(caveats), tuple(observations(corrected)), options.limit, tuple(values))
+    seen = tuple(observations(corrected))
+    return Import(tuple(own), tuple(spectra), tuple(corrected), start, tuple(caveats), seen, options.limit, tuple(values), tuple(finals))
 
 
 def _with_options(sweeps: Sequence[ImpedanceSweep], options: ImportOptions) -> list[ImpedanceSweep]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import motoremi
 from typer.testing import CliRunner
 
+import motoremi as me
 from motoremi.cli.app import app
 from motoremi.cli.arguments import expanded
 from motoremi.data.columns import find_columns, unit_trouble
@@ -16,7 +19,8 @@ from motoremi.data.corrections import Corrections
 from motoremi.data.detectors import SPELLINGS
 from motoremi.data.files import read_impedance, read_spectra, read_spectrum
 from motoremi.data.import_notes import import_notes
-from motoremi.data.session import load
+from motoremi.data.recognise import recognise
+from motoremi.data.session import load, verify
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.table import Table
 from motoremi.errors import BadInput
@@ -373,8 +377,88 @@ def test_final_values_are_left_out_and_told(tmp_path: Path) -> None:
     spectrum = read_spectrum(path)
     assert spectrum.metadata["final_values_left_out"] == told
     assert spectrum.level_dbuv.max() == 42.464854
+
+
+def test_final_values_of_a_receiver_are_imported_and_judged(tmp_path: Path) -> None:
+    """Final values at 1.27 and 1.28 MHz beside a prescan whose peak is above the quasi-peak limit there."""
+    axis = 150e3 + 4.5e3 * np.arange(6634)
+    average = FINAL.replace("QUASI PEAK", "CISPR AV").replace("TRACE 1", "TRACE 2")
+    finals = (FINAL + average).replace("79.50", "50,00").replace("78.50", "40,00")
+    levels = np.where(np.abs(axis - 1.275e6) < 10e3, 60.0, 30.0)
+
+    def file(final: str, name: str) -> Path:
+        rows = "".join(f"{hertz:.1f};{level:.2f};\n".replace(".", ",") for hertz, level in zip(axis, levels, strict=True))
+        head = "Type;ESR7;\nScan 1:\nStart;150000;Hz\nStop;30000000;Hz\nRBW;9000;Hz\nTRACE 1:\n"
+        (tmp_path / name).write_text(f"{head}{DETECTOR}{UNITS}Values;{axis.size};\n{rows}{final}", encoding="utf-8")
+        return tmp_path / name
+
+    done = motoremi("import", tmp_path / "s", "--spectrum", file(finals, "good.dat"), "--limit", "cispr32-b")
+    assert "quasi-peak good.dat: 2 final values, up to 50.0 dBuV at 1.27 MHz\n" in done.stdout
+    assert "left out" not in done.stdout
+    stored = load(tmp_path / "s")
+    assert [(one.detector, one.frequency_hz.tolist(), one.level_dbuv.tolist()) for one in stored.finals] == [
+        (detector, [hertz], [level]) for detector in ("quasi-peak", "cispr-average") for hertz, level in ((1.27e6, 50.0), (1.28e6, 40.0))
+    ]
+    assert stored.finals[0].metadata["dwell_s"] == 1.0
+    assert stored.finals[0].metadata["phase"] == "N"
+    assert stored.finals[0].resolution_bandwidth_hz == 9e3
+    # The average final value is above its limit of 46 dBuV.
+    assert done.returncode == 1
+    verdict = stored.analysis("prediction")
+    assert verdict is not None
+    assert verdict["verdict"] == "fail"
+    assert "final value above the average limit by 4.0 dB at 1.27 MHz" in " ".join(verdict["reasons"])
+
+    lower = finals.replace("50,00", "41,00")
+    done = motoremi("import", tmp_path / "pass", "--spectrum", file(lower, "lower.dat"), "--limit", "cispr32-b", "--json")
+    assert json.loads(done.stdout)["verdict"] == "pass"
+    assert [one["frequency_hz"] for one in json.loads(done.stdout)["finals"]] == [1.27e6, 1.28e6] * 2
+    assert verify(tmp_path / "pass") == []
+    # A stored final value is read back as one, and needs its scans.
+    one = tmp_path / "pass" / "spectra" / "final-quasi-peak-1.csv"
+    spectra, again = me.read_emission(one)
+    assert (spectra, again[0].level_dbuv.tolist(), again[0].metadata["maximum_hz"]) == ([], [41.0], 1.27e6)
+    assert repr(again[0]) == "Spectrum('quasi-peak', 1 point, 1.27 MHz, quasi-peak in 9 kHz, up to 41.0 dBuV)"
+    again[0].plot()
+    with pytest.raises(BadInput, match="a final value of a single point, and no spectrum"):
+        me.read_spectra(one)
+    done = motoremi("import", tmp_path / "alone", "--spectrum", one)
+    assert (done.returncode, done.stderr.startswith("motoremi: final values alone show nothing of the rest of the span")) == (2, True)
+    # The workbench recognises them too.
+    assert len(recognise((tmp_path / "good.dat").read_bytes(), "good.dat").finals) == 4
+    # Without them the peak leaves it open.
+    done = motoremi("import", tmp_path / "open", "--spectrum", file("", "none.dat"), "--limit", "cispr32-b", "--json")
+    assert json.loads(done.stdout)["verdict"] == "marginal"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        (
+            "Final Meas Time;1.0;s",
+            "Final Meas Time;50;ms",
+            ", the highest 79.5 dBuV at 1.27 MHz (quasi-peak): they were measured for 50 ms where 1 s are needed",
+        ),
+        ("QUASI PEAK", "MIN PEAK", ": their detector is "),
+        ("1;1280000", "1;9280000", ": spectrum.csv: some points lie in none of its scans"),
+        ("78.50", "", "; their levels cannot be read"),
+    ],
+)
+def test_final_values_that_cannot_be_used_leave_the_verdict_open(tmp_path: Path, old: str, new: str, why: str) -> None:
+    scans = "Scan 1:\nStart;150000;Hz\nStop;500000;Hz\nRBW;200;Hz\nScan 2:\nStart;500000;Hz\nStop;2000000;Hz\nRBW;9000;Hz\n"
+    rows = "".join(f"{hertz};20.00;\n" for hertz in (150000, 300000, 500000, 1000000, 2000000))
+    head = f"Type;ESR7;\n{scans}TRACE 1:\n{DETECTOR}{UNITS}Values;5;\n{rows}"
+    path = write(tmp_path, head + FINAL.replace(old, new))
+    spectra, finals = me.read_emission(path)
+    assert finals == []
+    told = spectra[0].metadata["final_values_left_out"]
+    assert told.startswith("2 final values in the file are left out")
+    assert why in told
     assert f"note: spectrum.csv: {told}\n" in imported(tmp_path, "--spectrum", path)
-    assert load(tmp_path / "s").spectra[0].metadata["final_values_left_out"] == told
+    # The bandwidth is that of the scan in which they lie.
+    spectra, finals = me.read_emission(write(tmp_path, head + FINAL))
+    assert [one.resolution_bandwidth_hz for one in finals] == [9e3, 9e3]
+    assert "final_values_left_out" not in spectra[0].metadata
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,8 @@ def import_(
     from motoremi.cli.output import emit_json, quoted, say
     from motoremi.data.conditions import parse_condition, parse_value, refuse_other_termination
     from motoremi.data.corrections import NO_CORRECTIONS
-    from motoremi.data.files import read_spectra
+    from motoremi.data.files import read_emission
+    from motoremi.data.import_notes import final_summaries
     from motoremi.quantities import parse_band
     from motoremi.workflow_import import ImportOptions, addition, prepared
 
@@ -141,11 +142,12 @@ def import_(
     if not files:
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
     read = _sweeps(short or [], open_ or [], fixture, span, units)
-    spectra = [item for path in spectrum or [] for item in read_spectra(path, units)]
+    emission = [read_emission(path, units) for path in spectrum or []]
+    spectra, finals = ([item for one in emission for item in one[kind]] for kind in (0, 1))
     _check_units(units, [*read, *spectra])
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
     stated = ImportOptions(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient, compensated)
-    made = prepared(read, spectra, stated, [path.name for path in files], values)
+    made = prepared(read, spectra, stated, [path.name for path in files], values, finals)
     sweeps, start = made.sweeps, made.start
     verdict = made.store(out)
     if as_json:
@@ -156,6 +158,7 @@ def import_(
                 "session": str(out),
                 "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz), **_read(s.metadata)} for s in sweeps],
                 "spectra": [{"detector": s.detector, "points": len(s), **_read(s.metadata)} for s in spectra],
+                "finals": [{"detector": s.detector, "frequency_hz": float(s.frequency_hz[0]), **_read(s.metadata)} for s in finals],
                 "corrections": start["corrections"],
                 "analyser": start["analyser"],
                 "analyser_assumed": start["analyser_assumed"],
@@ -169,6 +172,8 @@ def import_(
     for item in made.corrected:
         assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
         say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
+    for told in final_summaries([chain.corrected_spectrum(one) for one in finals]):
+        say(told)
     for entry in chain.entries:
         say(f"corrected ({entry.role}): {entry.describe()}")
     if start["analyser_assumed"]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -203,7 +203,7 @@ def read_spectra(path: str | os.PathLike[str], units: Mapping[str, str] | None =
     -------
     list of Spectrum
         The metadata `changes` record what was left out: columns that are not read, and the lower of two readings at one frequency;
-        `final_values_left_out` says which final values of a receiver's file are not among the spectra.
+        `final_values_left_out` says which final values of a receiver's file are not among the spectra (`read_emission` reads them).
 
     Raises
     ------
@@ -216,6 +216,40 @@ def read_spectra(path: str | os.PathLike[str], units: Mapping[str, str] | None =
 
 def parse_spectra(text: str, name: str, units: Mapping[str, str] | None = None) -> list[Spectrum]:
     """The emission spectra from the text of a file; see `read_spectra`."""
+    return _emission(text, name, units, with_finals=False)[0]
+
+
+def read_emission(path: str | os.PathLike[str], units: Mapping[str, str] | None = None) -> tuple[list[Spectrum], list[Spectrum]]:
+    """Read the emission spectra of one file, and the final values that a receiver's DAT export holds beside them.
+
+    Parameters
+    ----------
+    path, units
+        As for `read_spectra`.
+
+    Returns
+    -------
+    spectra : list of Spectrum
+        The metadata `final_values_left_out` say which final values cannot be used, and why.
+    finals : list of Spectrum
+        Final values, each of a single point, in dBuV, with `maximum_hz` (its frequency), and where they are stated `dwell_s` (its measuring time
+        in seconds) and `phase` (the line of the LISN) in the metadata.
+
+    Raises
+    ------
+    BadInput
+        As `read_spectra`.
+    """
+    name, text = _read_text(path)
+    return parse_emission(text, name, units)
+
+
+def parse_emission(text: str, name: str, units: Mapping[str, str] | None = None) -> tuple[list[Spectrum], list[Spectrum]]:
+    """The emission spectra and the final values from the text of a file; see `read_emission`."""
+    return _emission(text, name, units, with_finals=True)
+
+
+def _emission(text: str, name: str, units: Mapping[str, str] | None, with_finals: bool) -> tuple[list[Spectrum], list[Spectrum]]:
     for is_other, what in (
         (is_agilent_ascii, "is an impedance sweep of a 4294A"),
         (is_touchstone, "is a Touchstone file"),
@@ -223,16 +257,26 @@ def parse_spectra(text: str, name: str, units: Mapping[str, str] | None = None) 
     ):
         if is_other(text):
             raise WrongKind(f"{name}: {what}, but an emission spectrum is needed here")
+    finals: list[Spectrum] = []
     if is_keysight_trace(text):
         spectra, kind = [parse_keysight_trace(text, name)], "keysight-trace"
     elif is_receiver_dat(text):
-        spectra, kind = parse_receiver_dat(text, name), "receiver-dat"
+        (spectra, finals), kind = parse_receiver_dat(text, name, with_finals), "receiver-dat"
     elif is_two_columns(text):
         spectra, kind = [parse_tinysa(text, name)], "tinysa-csv"
     else:
         table, given = with_units(parse_table(text, name, SPECTRUM_EXAMPLE), units or {})
         header = of_file(name, lambda: spectrum_header(table.header))
-        spectra, kind = spectra_of_table(dataclasses.replace(table, header=header), (*table.left_out, *given)), "csv"
+        every, kind = spectra_of_table(dataclasses.replace(table, header=header), (*table.left_out, *given)), "csv"
+        # A file of a session may be that of a final value.
+        spectra = [one for one in every if not (with_finals and "maximum_hz" in one.metadata)]
+        finals = [one for one in every if one not in spectra]
+        if any(len(one) < 2 for one in spectra):
+            raise BadInput(f"{name}: is a final value of a single point, and no spectrum; read_emission reads it")
+    return _with_origin(spectra, name, kind), _with_origin(finals, name, kind)
+
+
+def _with_origin(spectra: Sequence[Spectrum], name: str, kind: str) -> list[Spectrum]:
     return [dataclasses.replace(spectrum, metadata=_origin(spectrum.metadata, name, kind)) for spectrum in spectra]
 
 

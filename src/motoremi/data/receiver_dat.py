@@ -1,4 +1,7 @@
-"""The file that a Rohde & Schwarz receiver exports (.DAT, .ASC): `key;value;unit`, then `Values;N;` and rows, for one or more traces."""
+"""The file that a Rohde & Schwarz receiver exports (.DAT, .ASC): `key;value;unit`, then `Values;N;` and rows, for one or more traces.
+
+A list of final measurements, `TRACE 1 FINAL:`, has rows of trace, frequency, level and more, such as the line of the LISN.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +14,14 @@ from typing import TypeAlias
 
 import numpy as np
 
-from motoremi.arrays import FloatArray
+from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
 from motoremi.data.numbers import has_decimal_commas, looks_cut, looks_numeric, parse_number
 from motoremi.data.repeated import Levels, spectrum_of
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.spectrum_header import kept_header
 from motoremi.data.text import clean_text
-from motoremi.data.text_file import of_file, split_lines
+from motoremi.data.text_file import file_name, of_file, split_lines
 from motoremi.errors import BadInput
 from motoremi.quantities import show
 
@@ -28,6 +31,12 @@ _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 _LEVELS = {"dbuv": 0.0, "dbm": DBUV_OF_0_DBM}
 _DETECTOR_KEYS = ("detector", "scan detector")
 _FINAL_DETECTOR_KEYS = ("final detector", "detector")
+_FINAL_TIME_KEYS = ("final meas time", "meas time")
+# With less time the weighted detectors have not settled, and the reading is no final value.
+_LEAST_FINAL_S = 1.0
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+# Names of the lines of a LISN in the rows of final values.
+_PHASE = re.compile(r"L[1-3]|N", re.IGNORECASE)
 # Settings of a trace that may stand in the head: they are read, and are not those of every spectrum of the file.
 _OF_A_TRACE = ("rbw", "detector", "scan detector", "trace mode", "x-unit", "y-unit")
 # Settings and their lines, by key.
@@ -57,11 +66,12 @@ def is_receiver_dat(text: str) -> bool:
     return re.match(r"type\s*;", text.lstrip(), re.IGNORECASE) is not None
 
 
-def parse_receiver_dat(text: str, name: str) -> list[Spectrum]:
-    """One spectrum for each trace, and for each resolution bandwidth where the scans of a trace differ in it.
+def parse_receiver_dat(text: str, name: str, with_finals: bool = False) -> tuple[list[Spectrum], list[Spectrum]]:
+    """The spectra and, with `with_finals`, the final values of a file.
 
-    Lists of final measurements are left out, because they are single frequencies and no spectra; the metadata `final_values_left_out` say so.
-    Detector and units of a trace may stand in the head of the file.
+    One spectrum for each trace, and for each resolution bandwidth where the scans of a trace differ in it; one of a single point for each final
+    value. Final values that are not returned are told in the metadata `final_values_left_out` of the spectra. Detector and units of a trace may
+    stand in the head of the file.
 
     Raises
     ------
@@ -72,9 +82,10 @@ def parse_receiver_dat(text: str, name: str) -> list[Spectrum]:
     _check_end(text, file.traces, name)
     if not file.traces:
         raise BadInput(f"{name}: holds no trace; export the scan with its data")
-    comma = _decimal_comma([*file.traces.values(), *file.scans.values(), file.head], name)
+    comma = _decimal_comma([*file.traces.values(), *file.scans.values(), *(file.finals if with_finals else ()), file.head], name)
     metadata = kept_header({key: ";".join(cells) for key, (cells, _) in file.head.settings.items() if cells and key not in _OF_A_TRACE})
-    if left_out := _final_values(file, comma):
+    finals, not_read = _finals(file, name, comma, metadata) if with_finals else ([], [(section, "") for section in file.finals])
+    if left_out := _left_out(not_read, file.head, comma):
         metadata["final_values_left_out"] = left_out
     spectra: list[Spectrum] = []
     for label, trace in file.traces.items():
@@ -82,7 +93,7 @@ def parse_receiver_dat(text: str, name: str) -> list[Spectrum]:
         for part, bandwidth in _parts(file, trace, frequency, name, comma):
             levels = Levels(frequency[part], level[part])
             spectra.append(of_file(f"{name}, {label}", partial(spectrum_of, detector, levels, bandwidth, {**metadata, "trace": label})))
-    return spectra
+    return spectra, finals
 
 
 def _sections(text: str, name: str) -> _File:
@@ -197,32 +208,89 @@ def _unit(settings: _Settings, key: str, known: dict[str, float], wanted: str, w
     return known[unit.lower()]
 
 
-def _final_values(file: _File, comma: bool) -> str:
-    """What is left out of lists of final measurements, in words, with the highest value of each detector; empty without such a list."""
-    count = sum(len(section.rows) for section in file.finals)
+def _finals(file: _File, name: str, comma: bool, metadata: JsonDict) -> tuple[list[Spectrum], list[tuple[_Section, str]]]:
+    """The final values, and the lists that cannot be used with the reason in words; it is empty if that is their levels."""
+    found: list[Spectrum] = []
+    left: list[tuple[_Section, str]] = []
+    for section in file.finals:
+        try:
+            readings = list(_final_readings(section, file.head, comma))
+        except BadInput:
+            left.append((section, ""))
+            continue
+        try:
+            found += [_final(file, section, one, name, comma, metadata) for one in readings]
+        except BadInput as error:
+            left.append((section, str(error)))
+    return found, left
+
+
+def _final(file: _File, section: _Section, reading: _Reading, name: str, comma: bool, metadata: JsonDict) -> Spectrum:
+    """One final value as a spectrum of a single point."""
+    if reading.detector not in DETECTORS:
+        raise BadInput(f"their detector is {clean_text(reading.detector, 40)}")
+    seconds = _final_time_s(section, name, comma)
+    if seconds is not None and seconds < _LEAST_FINAL_S:
+        raise BadInput(f"they were measured for {show(seconds, 's')} where {show(_LEAST_FINAL_S, 's')} are needed")
+    at_hz = np.array([reading.frequency_hz])
+    ((_, bandwidth_hz),) = _parts(file, section, at_hz, file_name(name), comma)
+    own = metadata | {"maximum_hz": reading.frequency_hz}
+    own |= {} if seconds is None else {"dwell_s": seconds}
+    own |= {"phase": reading.phase} if reading.phase else {}
+    return Spectrum(reading.detector, at_hz, np.array([reading.level_dbuv]), bandwidth_hz, metadata=own)
+
+
+def _final_time_s(section: _Section, name: str, comma: bool) -> float | None:
+    """The measuring time of final values; None if it is not stated."""
+    for key in _FINAL_TIME_KEYS:
+        cells, line = section.settings.get(key, ([], 0))
+        if cells and cells[0]:
+            unit = cells[1].lower() if len(cells) > 1 else "s"
+            if unit not in _SECONDS:
+                raise BadInput(f"the unit of their measuring time is {clean_text(unit, 20)!r}")
+            return _number(cells[0], f"{name}, line {line}", comma) * _SECONDS[unit]
+    return None
+
+
+def _left_out(sections: Sequence[tuple[_Section, str]], head: _Section, comma: bool) -> str:
+    """What is left out of lists of final measurements, in words, with the highest value of each detector; empty if nothing is."""
+    count = sum(len(section.rows) for section, _ in sections)
     if not count:
         return ""
     told = "1 final value in the file is left out" if count == 1 else f"{count} final values in the file are left out"
     try:
-        readings = [one for section in file.finals for one in _final_readings(section, file.head, comma)]
+        readings = [one for section, _ in sections for one in _final_readings(section, head, comma)]
     except BadInput:
         return f"{told}; their levels cannot be read"
     highest: dict[str, tuple[float, float]] = {}
-    for detector, level, frequency in readings:
-        highest[detector] = max((level, frequency), highest.get(detector, (-np.inf, 0.0)))
+    for one in readings:
+        highest[one.detector] = max((one.level_dbuv, one.frequency_hz), highest.get(one.detector, (-np.inf, 0.0)))
     each = [f"{level:.1f} dBuV at {show(frequency, 'Hz')} ({detector})" for detector, (level, frequency) in highest.items()]
-    return f"{told}, {'' if count == 1 else 'the highest '}{' and '.join(each)}"
+    why = "; ".join(dict.fromkeys(reason for _, reason in sections if reason))
+    return f"{told}, {'' if count == 1 else 'the highest '}{' and '.join(each)}{': ' if why else ''}{why}"
 
 
-def _final_readings(section: _Section, head: _Section, comma: bool) -> Iterator[tuple[str, float, float]]:
-    """Detector, level in dBuV and frequency in hertz of each final value; a row is trace, frequency, level and more."""
+@dataclass(frozen=True)
+class _Reading:
+    """One row of a list of final values; `phase` is the line of the LISN, empty if it is not stated."""
+
+    detector: str
+    level_dbuv: float
+    frequency_hz: float
+    phase: str
+
+
+def _final_readings(section: _Section, head: _Section, comma: bool) -> Iterator[_Reading]:
+    """Each final value; a row is trace, frequency, level and more."""
     settings = {**head.settings, **section.settings}
     detector = detector_name(_written_detector(section.settings, _FINAL_DETECTOR_KEYS)) or "detector not stated"
     factor, offset = _unit(settings, "x-unit", _HERTZ, "Hz", ""), _unit(settings, "y-unit", _LEVELS, "dBuV", "")
     for cells, line in section.rows:
         if len(cells) < 3:
             raise BadInput(f"line {line}: no final value")
-        yield detector, _number(cells[2], f"line {line}", comma) + offset, _number(cells[1], f"line {line}", comma) * factor
+        level, frequency = (_number(cells[column], f"line {line}", comma) for column in (2, 1))
+        phase = next((cell.upper() for cell in cells[3:] if _PHASE.fullmatch(cell)), "")
+        yield _Reading(detector, level + offset, frequency * factor, phase)
 
 
 def _parts(file: _File, trace: _Section, frequency: FloatArray, name: str, comma: bool) -> list[tuple[slice, float]]:

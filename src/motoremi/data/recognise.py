@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from motoremi.data.files import parse_impedance, parse_spectra
+from motoremi.data.files import parse_emission, parse_impedance
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.spectrum_table import SPECTRUM_COLUMNS
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, Termination
@@ -33,7 +33,8 @@ class Recognised:
     ----------
     kind : {"impedance", "spectrum"}
     sweep : ImpedanceSweep, optional
-    spectra : tuple of Spectrum
+    spectra, finals : tuple of Spectrum
+        Scans, and the final values that a receiver's file holds beside them.
     doubt : str
         A sentence if the termination stated by the file's name or header does not agree with the curve.
     """
@@ -41,6 +42,7 @@ class Recognised:
     kind: Kind
     sweep: ImpedanceSweep | None = None
     spectra: tuple[Spectrum, ...] = ()
+    finals: tuple[Spectrum, ...] = ()
     doubt: str = ""
 
     @property
@@ -74,13 +76,14 @@ def recognise(data: bytes, name: str, termination: Termination | None = None, fi
     try:
         sweep = _sweep(text, name, termination, fixture)
     except BadInput as error:
-        return Recognised("spectrum", spectra=tuple(_spectra(text, name, error)))
+        spectra, finals = _emission(text, name, error)
+        return Recognised("spectrum", spectra=tuple(spectra), finals=tuple(finals))
     return Recognised("impedance", sweep, doubt=_doubt(sweep))
 
 
-def _spectra(text: str, name: str, no_sweep: BadInput) -> list[Spectrum]:
+def _emission(text: str, name: str, no_sweep: BadInput) -> tuple[list[Spectrum], list[Spectrum]]:
     try:
-        return parse_spectra(text, name)
+        return parse_emission(text, name)
     except WrongKind:
         # It is a sweep that cannot be used.
         raise no_sweep from None

@@ -66,7 +66,7 @@ class Spectrum(ReadOnlyArrays):
         "average" is the mean over the dwell time; "cispr-average" is the highest reading of a meter with the time constant of
         CISPR 16-1-1 (160 ms below 30 MHz).
     frequency_hz : array_like, shape (n,)
-        Strictly increasing, in hertz.
+        Strictly increasing, in hertz; at least two, but for a final value, whose metadata have `maximum_hz`.
     level_dbuv : array_like, shape (n,)
         In dB above 1 uV at the receiver's input.
     resolution_bandwidth_hz : float
@@ -99,7 +99,8 @@ class Spectrum(ReadOnlyArrays):
     ) -> None:
         if detector not in DETECTORS:
             raise BadInput(f"unknown detector {detector!r}: use one of {', '.join(DETECTORS)}")
-        frequency = checked_frequency(frequency_hz, f"{detector} spectrum", 2)
+        least = 1 if isinstance(metadata, Mapping) and "maximum_hz" in metadata else 2
+        frequency = checked_frequency(frequency_hz, f"{detector} spectrum", least)
         level = real_numbers(level_dbuv, f"{detector} spectrum: the levels")
         if level.shape != frequency.shape:
             raise BadInput(f"{detector} spectrum: {frequency.size} frequencies but {level.size} levels")
@@ -155,7 +156,8 @@ class Spectrum(ReadOnlyArrays):
         span = show_band(float(self.frequency_hz[0]), float(self.frequency_hz[-1]))
         bandwidth = show(self.resolution_bandwidth_hz, "Hz")
         background = f", background ({MOTOR_OFF})" if self.is_background else ""
-        return f"{len(self)} points, {span}, {self.detector} in {bandwidth}, up to {self.level_dbuv.max():.1f} {self.level_unit}{background}"
+        points = f"{len(self)} points, {span}" if len(self) > 1 else f"1 point, {show(float(self.frequency_hz[0]), 'Hz')}"
+        return f"{points}, {self.detector} in {bandwidth}, up to {self.level_dbuv.max():.1f} {self.level_unit}{background}"
 
     def _repr_html_(self) -> str:
         return f"<b>{self.detector} spectrum</b>: {self.summary()}"

@@ -40,6 +40,9 @@ def frequency_axis(axes: Axes, frequency_hz: FloatArray, label: bool = True) -> 
 
     engineering = EngFormatter(sep=" ")
     low, high = float(frequency_hz[0]), float(frequency_hz[-1])
+    if low == high:
+        # A final value: one frequency alone is in the middle.
+        low, high = low / 2, high * 2
     decades = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(high)) + 1)
     # With few decades there are labels at 3, 30, ... too; labels closer than a factor of 1.5 would overlap.
     between = 3 * decades if np.log10(high / low) < 4 else np.array([])

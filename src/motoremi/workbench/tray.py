@@ -203,7 +203,8 @@ class Tray:
             stated = _stated(body, self._corrections())
         found = [one.found for one in chosen if one.found is not None]
         sweeps = [one.sweep for one in found if one.sweep is not None]
-        return prepared(sweeps, [item for one in found for item in one.spectra], stated, [one.name for one in chosen])
+        spectra, finals = [item for one in found for item in one.spectra], [item for one in found for item in one.finals]
+        return prepared(sweeps, spectra, stated, [one.name for one in chosen], finals=finals)
 
     def added(self, folder: Path, condition: Condition | None, body: Mapping[str, Any]) -> Addition:
         """What the chosen sweeps add to a session, as `motoremi import --append` would add them.
