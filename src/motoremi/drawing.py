@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Modules that register drawing functions; imported with the first figure, because matplotlib takes long to import.
+# Names of the modules that register drawing functions, such as `motoremi.report.figures`, which `motoremi/__init__.py` adds. They are imported
+# with the first figure, because matplotlib takes long to import.
 DRAWN_BY: list[str] = []
 
 
@@ -30,4 +31,5 @@ def figure_of(result: object) -> Figure:
         importlib.import_module(module)
     if figure_of.dispatch(type(result)) is unregistered:
         raise TypeError(f"there is no figure of a {type(result).__name__}")
+    # The function that was registered by now, not this one.
     return figure_of(result)

@@ -82,11 +82,11 @@ Assess = Callable[[], Assessment]
 class MeasuringBench(Protocol):
     """A bench with its operator, real or simulated."""
 
-    def sweep(self, order: MeasurementRequest) -> None:
+    def sweep(self, request: MeasurementRequest) -> None:
         """Have the condition set up and sweeps measured; raises `NotDone` if the operator answers "not done"."""
         ...
 
-    def value(self, order: MeasurementRequest) -> SingleValue:
+    def value(self, request: MeasurementRequest) -> SingleValue:
         """Have another meter read; raises `NotDone` if the operator answers "not done"."""
         ...
 
@@ -112,7 +112,7 @@ class Step:
     why : str
         Reason for the measurement.
     brought : str
-        Its result as text: the condition with its value, or the value.
+        Its result as text: the condition under which sweeps were measured, or the value that was read.
     """
 
     id: str
@@ -131,6 +131,7 @@ class Step:
             "probabilities": dict(self.probabilities),
             "taught_bits": self.taught_bits,
             "error_percent": self.error_percent,
+            # As in the steps whose results were imported from files, which have no `id`; the report reads this key of both.
             "asked": self.id,
             "why": self.why,
             "brought": self.brought,
@@ -186,34 +187,34 @@ class _History:
 
     @classmethod
     def of(cls, documents: Sequence[JsonDict]) -> _History:
-        path = cls()
+        history = cls()
         for document in documents:
             kind = document["kind"]
             if kind == "asked":
-                path.pending, path.stored = document, Counter()
-            elif kind == "sweep" and path.pending is not None and _condition_of(document) == path.pending["order"]["condition"]:
+                history.pending, history.stored = document, Counter()
+            elif kind == "sweep" and history.pending is not None and _condition_of(document) == history.pending["order"]["condition"]:
                 # Sweeps under another condition were imported between two runs.
-                path.stored[str(document["termination"])] += 1
+                history.stored[str(document["termination"])] += 1
             elif kind == "value":
-                path.stored[str(document["name"])] += 1
+                history.stored[str(document["name"])] += 1
             elif kind == "answered":
-                path.steps.append(Step(**{name: document[name] for name in Step.__dataclass_fields__}))
-                path.pending = None
+                history.steps.append(Step(**{name: document[name] for name in Step.__dataclass_fields__}))
+                history.pending = None
             elif kind == "refused":
-                path.refused.append(str(document["id"]))
-                path.pending = None
-        return path
+                history.refused.append(str(document["id"]))
+                history.pending = None
+        return history
 
     def turn(self, name: str) -> int:
         """How often this measurement was made before."""
         return sum(step.id == name for step in self.steps)
 
-    def rest(self, order: MeasurementRequest) -> MeasurementRequest | None:
+    def rest(self, request: MeasurementRequest) -> MeasurementRequest | None:
         """The part of the pending request that is not stored yet; None if all of it is stored."""
-        if order.is_value:
-            return None if self.stored[order.id] else order
-        left = tuple(name for name in order.terminations if self.stored[name] < order.repeats)
-        return replace(order, terminations=left) if left else None
+        if request.is_value:
+            return None if self.stored[request.id] else request
+        left = tuple(name for name in request.terminations if self.stored[name] < request.repeats)
+        return replace(request, terminations=left) if left else None
 
 
 def _condition_of(document: JsonDict) -> str | None:
@@ -286,30 +287,30 @@ class _Run:
                     "investigation", {**found.to_dict(), "steps": [*self._by_files(), *(step.to_dict() for step in found.steps)]}
                 )
                 return found
-            order = order_of(question, self.history.turn(name_of(question)))
-            asked = self._ask(order, float(question["minutes"]), str(question.get("why", "")), assessment.probabilities)
-            assessment = self._answered(asked, order, assessment)
+            request = request_of(question, self.history.turn(name_of(question)))
+            asked = self._ask(request, float(question["minutes"]), str(question.get("why", "")), assessment.probabilities)
+            assessment = self._answered(asked, request, assessment)
 
     def _by_files(self) -> list[JsonDict]:
         """Earlier steps, whose results were imported from files."""
         stored = load(self.store.path).analysis("investigation") or {}
         return [step for step in stored.get("steps", []) if "minutes" not in step]
 
-    def _ask(self, order: MeasurementRequest, minutes: float, why: str, probabilities: Mapping[str, float]) -> JsonDict:
+    def _ask(self, request: MeasurementRequest, minutes: float, why: str, probabilities: Mapping[str, float]) -> JsonDict:
         # With the probabilities before it: a run that continues finds data of this request in the session already.
-        return self.store.emit("asked", id=order.id, minutes=minutes, why=why, order=order.to_dict(), probabilities=dict(probabilities))
+        return self.store.emit("asked", id=request.id, minutes=minutes, why=why, order=request.to_dict(), probabilities=dict(probabilities))
 
-    def _answered(self, asked: JsonDict, order: MeasurementRequest | None, before: Assessment) -> Assessment:
-        """The assessment after the answer to a request; `order` is None if it was carried out before."""
+    def _answered(self, asked: JsonDict, request: MeasurementRequest | None, before: Assessment) -> Assessment:
+        """The assessment after the answer to a request; `request` is None if it was carried out before."""
         brought = str(asked["order"]["condition"] or asked["id"])
         try:
-            if order is not None and order.is_value:
-                value = self.bench.value(order)
+            if request is not None and request.is_value:
+                value = self.bench.value(request)
                 self.store.add_value(value)
                 brought = value.text
-            elif order is not None:
-                self.bench.sweep(order)
-                self._clear_ladder(order)
+            elif request is not None:
+                self.bench.sweep(request)
+                self._clear_ladder(request)
         except NotDone:
             self.store.emit("refused", id=asked["id"])
             self.history.refused.append(str(asked["id"]))
@@ -329,10 +330,10 @@ class _Run:
         self.tell(after, step)
         return after
 
-    def _clear_ladder(self, order: MeasurementRequest) -> None:
+    def _clear_ladder(self, request: MeasurementRequest) -> None:
         """Empty the ladder after further reference sweeps, because its models were fitted to fewer of them."""
         session = load(self.store.path)
-        if order.condition is None and session.ladder:
+        if request.condition is None and session.ladder:
             self.store.save_analysis("ladder", session.emptied_ladder())
 
     def _question(self, assessment: Assessment) -> tuple[str, JsonDict]:
@@ -340,21 +341,21 @@ class _Run:
         left_minutes = self.budget_minutes - math.fsum(step.minutes for step in self.history.steps)
         too_long: list[str] = []
         while True:
-            following = assessment.ask([*self.without, *self.history.refused, *too_long])
-            stop = str(following.get("stop") or "")
-            if stop or not following.get("asks"):
+            question = assessment.ask([*self.without, *self.history.refused, *too_long])
+            stop = str(question.get("stop") or "")
+            if stop or not question.get("asks"):
                 # Explanations that are inseparable without the long measurements might be separable with them.
                 return (BUDGET if too_long else stop or EXHAUSTED), {}
             if len(self.history.steps) >= MOST_STEPS:
                 return EXHAUSTED, {}
             if len(self.history.steps) >= self.most_steps:
                 return PAUSED, {}
-            if float(following["minutes"]) <= left_minutes:
-                return "", following
-            too_long.append(str(following["id"]))
+            if float(question["minutes"]) <= left_minutes:
+                return "", question
+            too_long.append(str(question["id"]))
 
 
-def order_of(question: JsonDict, turn: int = 0) -> MeasurementRequest:
+def request_of(question: JsonDict, turn: int = 0) -> MeasurementRequest:
     """The request for a measurement of `motoremi next --json`.
 
     Parameters

@@ -64,7 +64,7 @@ class BenchOperator(Protocol):
         """Show an instruction and return the answer."""
         ...
 
-    def value(self, order: MeasurementRequest) -> SingleValue:
+    def value(self, request: MeasurementRequest) -> SingleValue:
         """Ask for the reading of another meter."""
         ...
 
@@ -174,16 +174,16 @@ class OperatedBench:
     # None until something is measured in this run.
     started_s: float | None = None
 
-    def sweep(self, order: MeasurementRequest) -> None:
+    def sweep(self, request: MeasurementRequest) -> None:
         """Have the condition set up, and measure."""
         assert self.requests is not None
         self.started_s = time.monotonic()
-        self.requests.measure(order)
+        self.requests.measure(request)
 
-    def value(self, order: MeasurementRequest) -> SingleValue:
+    def value(self, request: MeasurementRequest) -> SingleValue:
         """The reading of another meter."""
         self.started_s = time.monotonic()
-        return self.made.single_value(order.id, order.turn) if isinstance(self.made, SimulatedBench) else self.operator.value(order)
+        return self.made.single_value(request.id, request.turn) if isinstance(self.made, SimulatedBench) else self.operator.value(request)
 
     def minutes(self, estimated: float) -> float:
         """Elapsed minutes; the estimate on a simulated bench, where nothing takes real time, and for what an earlier run measured."""
@@ -195,7 +195,7 @@ class OperatedBench:
         """Show the operator an instruction and return the answer."""
         return None if isinstance(self.made, SimulatedBench) else self.operator.prompt(text)
 
-    def set_up(self, order: MeasurementRequest | None) -> None:
+    def set_up(self, request: MeasurementRequest | None) -> None:
         """On a simulated bench, do what the operator is asked to do; None: undo it."""
         if isinstance(self.made, SimulatedBench):
-            self.made.arrange(*((None, ()) if order is None else (order.condition, order.terminations, order.turn)))
+            self.made.arrange(*((None, ()) if request is None else (request.condition, request.terminations, request.turn)))

@@ -31,7 +31,7 @@ from motoremi.run.resume import Done
 from motoremi.schema.procedure import Procedure, parse_procedure
 from motoremi.virtual.simulated_bench import SimulatedBench
 from motoremi.workflow_ask import chosen
-from motoremi.workflow_investigate import Assess, Assessment, Investigation, investigate, order_of, taught_bits
+from motoremi.workflow_investigate import Assess, Assessment, Investigation, investigate, request_of, taught_bits
 from motoremi.workflow_on_bench import OperatedBench
 
 WARM: JsonDict = {
@@ -101,14 +101,14 @@ class Hands:
         self.told.append(text.partition("\n")[0])
         return self.answers.pop(0) if self.answers else None
 
-    def set_up(self, order: MeasurementRequest | None) -> None:
-        self.bench.arrange(*((None, ()) if order is None else (order.condition, order.terminations, order.turn)))
+    def set_up(self, request: MeasurementRequest | None) -> None:
+        self.bench.arrange(*((None, ()) if request is None else (request.condition, request.terminations, request.turn)))
 
-    def sweep(self, order: MeasurementRequest) -> None:
-        self.asking.measure(order)
+    def sweep(self, request: MeasurementRequest) -> None:
+        self.asking.measure(request)
 
-    def value(self, order: MeasurementRequest) -> SingleValue:
-        return self.bench.single_value(order.id, order.turn)
+    def value(self, request: MeasurementRequest) -> SingleValue:
+        return self.bench.single_value(request.id, request.turn)
 
     def minutes(self, estimated: float) -> float:
         return estimated
@@ -288,11 +288,11 @@ def test_sweeps_that_were_imported_between_two_runs_answer_no_other_request(tmp_
 
 def test_what_an_earlier_run_measured_keeps_its_estimated_minutes() -> None:
     """The clock of a real bench counts from what this run measures; from nothing it would count from the start of the computer."""
-    order = MeasurementRequest("dc-resistance", "measure it", terminations=())
-    read = SimpleNamespace(value=lambda order: parse_value("dc-resistance=1ohm+-1mohm"))
+    request = MeasurementRequest("dc-resistance", "measure it", terminations=())
+    read = SimpleNamespace(value=lambda request: parse_value("dc-resistance=1ohm+-1mohm"))
     bench = OperatedBench(SimpleNamespace(), read)  # type: ignore[arg-type]
     assert bench.minutes(7.0) == 7.0
-    bench.value(order)
+    bench.value(request)
     assert bench.minutes(7.0) < 1.0
 
 
@@ -309,10 +309,10 @@ def test_a_laboratory_s_own_measurement_is_requested_as_the_one_that_it_stands_f
     ]
     asked = chosen(question, (), own)
     assert (asked["id"], asked["minutes"]) == ("chamber", 5.0)
-    order = order_of(asked)
-    assert (order.id, str(order.condition), order.instruction) == ("second-temperature", "second-temperature=53degC", "set the chamber")
-    assert (order.hands, MeasurementRequest.restored(order.to_dict())) == (False, order)
-    read = order_of(chosen(question, ("second-temperature", "chamber"), own))
+    request = request_of(asked)
+    assert (request.id, str(request.condition), request.instruction) == ("second-temperature", "second-temperature=53degC", "set the chamber")
+    assert (request.hands, MeasurementRequest.restored(request.to_dict())) == (False, request)
+    read = request_of(chosen(question, ("second-temperature", "chamber"), own))
     assert (read.id, read.is_value, read.instruction) == ("dc-resistance", True, "read the meter")
 
 
@@ -338,8 +338,8 @@ def test_a_wide_sweep_is_as_wide_as_the_analyser_and_compensated_anew(tmp_path: 
 
 @pytest.mark.parametrize("question", [WARM, COPPER, SHORTED, REPEATS])
 def test_an_order_comes_back_from_its_record(question: JsonDict) -> None:
-    order = order_of(question, 2)
-    assert MeasurementRequest.restored(order.to_dict()) == order
+    request = request_of(question, 2)
+    assert MeasurementRequest.restored(request.to_dict()) == request
 
 
 def test_a_damaged_order_is_refused() -> None:
@@ -349,7 +349,7 @@ def test_a_damaged_order_is_refused() -> None:
 
 def test_an_answer_to_another_question_is_refused() -> None:
     with pytest.raises(BadInput, match="insulation-resistance was not asked for: give dc-resistance"):
-        requested_value(order_of(COPPER), parse_value("insulation-resistance=2Gohm"))
+        requested_value(request_of(COPPER), parse_value("insulation-resistance=2Gohm"))
 
 
 @pytest.mark.parametrize(("text", "minutes"), [("30min", 30), ("2h", 120), ("90 s", 1.5), ("0.5h", 30)])
@@ -443,18 +443,18 @@ def test_an_interrupted_measurement_is_finished_first(tmp_path: Path, monkeypatc
 
 
 def test_a_value_is_asked_for_until_it_is_one_and_may_be_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    order = order_of(COPPER)
+    request = request_of(COPPER)
     monkeypatch.setattr(sys, "stdin", io.StringIO("cold\n21.3\ninsulation-resistance=2Gohm\n21.3 mOhm\n"))
-    assert typed_value(order) == parse_value("dc-resistance=21.3mOhm")
+    assert typed_value(request) == parse_value("dc-resistance=21.3mOhm")
     told = capsys.readouterr().err
     assert "use four wires" in told
     assert "insulation-resistance was not asked for" in told
     monkeypatch.setattr(sys, "stdin", io.StringIO("n\n"))
     with pytest.raises(NotDone):
-        typed_value(order)
+        typed_value(request)
     monkeypatch.setattr(sys, "stdin", io.StringIO(""))
     with pytest.raises(BadInput, match="run from a terminal"):
-        typed_value(order)
+        typed_value(request)
 
 
 @pytest.mark.slow

@@ -191,9 +191,9 @@ class _Asking(InvestigationRun):
 
 def _answered(run: InvestigationRun, act: Any) -> SingleValue:
     """The value that the run gets once its operator has acted."""
-    order = MeasurementRequest("dc-resistance", "measure the winding's DC resistance", terminations=())
+    request = MeasurementRequest("dc-resistance", "measure the winding's DC resistance", terminations=())
     threading.Thread(target=lambda: (until(lambda: run.state()["example"]), act())).start()
-    return run.value(order)
+    return run.value(request)
 
 
 def test_the_operator_of_a_real_bench_types_a_value_on_the_page(tmp_path):

@@ -13,7 +13,7 @@ from motoremi.blind.scoring import Answer
 from motoremi.blind.sealed import Asked
 from motoremi.data.conditions import VALUES
 from motoremi.errors import BadInput
-from motoremi.workflow_investigate import order_of
+from motoremi.workflow_investigate import request_of
 
 # Fixed order of an experienced engineer without a model: first measurements that are free or complete the data, then the instrument, then what
 # needs no tools, then what needs tools, then heat and disassembly.
@@ -58,9 +58,9 @@ class Offer:
     @classmethod
     def of(cls, entry: JsonDict) -> Offer:
         """From an entry of `motoremi next --json`."""
-        order = order_of(entry)
-        terminations = () if entry["id"] in VALUES else order.terminations
-        return cls(Asked(order.id, order.condition, terminations), float(entry["minutes"]), float(entry["information_bits"]))
+        request = request_of(entry)
+        terminations = () if entry["id"] in VALUES else request.terminations
+        return cls(Asked(request.id, request.condition, terminations), float(entry["minutes"]), float(entry["information_bits"]))
 
 
 @dataclass(frozen=True)

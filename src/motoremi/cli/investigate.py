@@ -81,13 +81,13 @@ class _Terminal:
         with self.paused():
             return ask_operator(text)
 
-    def value(self, order: MeasurementRequest) -> SingleValue:
+    def value(self, request: MeasurementRequest) -> SingleValue:
         """Ask for the reading of another meter."""
         with self.paused():
-            return typed_value(order)
+            return typed_value(request)
 
 
-def typed_value(order: MeasurementRequest) -> SingleValue:
+def typed_value(request: MeasurementRequest) -> SingleValue:
     """Ask for a value until it can be read; `n` means that there is none."""
     from motoremi.cli.output import ask_in_writing
     from motoremi.data.conditions import VALUES
@@ -95,10 +95,10 @@ def typed_value(order: MeasurementRequest) -> SingleValue:
     from motoremi.run.answer import TYPED, NotDone
     from motoremi.run.requested import read_value
 
-    setting = VALUES[order.id].setting
-    ask_in_writing(f"\n{clean_text(order.instruction)}\n")
+    setting = VALUES[request.id].setting
+    ask_in_writing(f"\n{clean_text(request.instruction)}\n")
     while True:
-        ask_in_writing(f"{order.id}, for example {setting.example}; n not done, s stop: ")
+        ask_in_writing(f"{request.id}, for example {setting.example}; n not done, s stop: ")
         if not (typed := sys.stdin.readline()):
             raise BadInput("the question was not answered: standard input has ended; run from a terminal")
         text = typed.strip()
@@ -106,9 +106,9 @@ def typed_value(order: MeasurementRequest) -> SingleValue:
         if answer == "stop":
             raise KeyboardInterrupt
         if answer == "not done":
-            raise NotDone(f"the operator has no value for {order.id}")
+            raise NotDone(f"the operator has no value for {request.id}")
         try:
-            return read_value(order, text)
+            return read_value(request, text)
         except BadInput as error:
             sys.stderr.write(f"{error}\n")
 

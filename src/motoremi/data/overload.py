@@ -12,12 +12,15 @@ from motoremi.data.table import Table
 from motoremi.data.text import clean_text
 from motoremi.errors import BadInput
 
+# Titles of columns that hold marks, and words in titles of columns that perhaps do.
 _OVERLOAD = re.compile(r"(?:(?:rf|if)[\s_-]*)?(?:overload(?:ed)?|ovld?|over[\s_-]*range)", re.IGNORECASE)
-_STATUS = re.compile(r"status|overload|\bovld?\b|over[\s_-]*range", re.IGNORECASE)
+_MAYBE = re.compile(r"status|overload|\bovld?\b|over[\s_-]*range", re.IGNORECASE)
+# What receivers write of a point: True for an overload. A column `Status` may hold other words, so these decide whether it holds marks.
 _WORDS = {
     **dict.fromkeys(("ovld", "ovl", "overload", "overloaded", "overrange"), True),
     **dict.fromkeys(("", "-", "ok", "valid", "normal"), False),
 }
+# What users write into a column of marks besides; in a column `Status`, "yes" would be no answer to a known question.
 _ANSWERS = {"yes": True, "true": True, "no": False, "false": False}
 
 
@@ -29,7 +32,7 @@ def overload_of(table: Table) -> tuple[BoolArray | None, tuple[int, ...]]:
     Raises
     ------
     BadInput
-        For a cell of a column of overloads that is no mark.
+        If a cell of such a column is not a mark.
     """
     used = tuple(index for index, title in enumerate(table.columns) if _OVERLOAD.fullmatch(title.strip()) or _is_status(table, index))
     if not used:
@@ -40,7 +43,7 @@ def overload_of(table: Table) -> tuple[BoolArray | None, tuple[int, ...]]:
 
 def may_mark_overload(title: str) -> bool:
     """Whether a title may be that of a column of marks."""
-    return _STATUS.search(title) is not None
+    return _MAYBE.search(title) is not None
 
 
 def _is_status(table: Table, index: int) -> bool:

@@ -65,28 +65,28 @@ class InvestigationRun(Run):
         self._procedure = procedure
         self._bench_file = bench_file
         self._plan = plan
-        self._order: MeasurementRequest | None = None
+        self._request: MeasurementRequest | None = None
         self._value: SingleValue | None = None
 
     def prompt(self, text: str) -> Answer | None:
         """Show the operator an instruction and wait for the answer."""
         return self._ask_operator(text)
 
-    def value(self, order: MeasurementRequest) -> SingleValue:
+    def value(self, request: MeasurementRequest) -> SingleValue:
         """Ask the operator for a value and wait for it."""
-        self._order, self._value = order, None
-        answer = self._ask_operator(order.instruction, VALUES[order.id].setting.example)
+        self._request, self._value = request, None
+        answer = self._ask_operator(request.instruction, VALUES[request.id].setting.example)
         if answer == "stop":
             raise Stopped
         if self._value is None:
-            raise NotDone(f"the operator has no value for {order.id}")
+            raise NotDone(f"the operator has no value for {request.id}")
         return self._value
 
     def give(self, text: str) -> None:
         """Pass on the value that the operator was asked for."""
-        if self._order is None or not self._example:
+        if self._request is None or not self._example:
             raise BadInput("no value is asked for")
-        self._value = read_value(self._order, text)
+        self._value = read_value(self._request, text)
         self.answer("done")
 
     def _measure(self) -> None:
