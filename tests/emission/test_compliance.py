@@ -314,6 +314,22 @@ def test_scans_that_are_equal_at_most_points_are_no_finding(spectra):
     assert predict(None, spectra=spectra, limit=CISPR32).reasons == ()
 
 
+def test_final_values_on_a_line_without_scans_are_judged():
+    """Such a value 34 dB above the limit passed."""
+    high = [final("quasi-peak", 1e6, 90, line="L1"), final("average", 1e6, 20, line="L1")]
+    low = [final("quasi-peak", 1e6, 40, line="L1"), final("average", 1e6, 20, line="L1")]
+    above = "quasi-peak: final value above the quasi-peak limit by 34.0 dB at 1.0005 MHz"
+    # Scans of which the line is not stated are those of L1 too.
+    assert verdict([flat("peak", 30)], finals=high) == Compliance("fail", (above,))
+    assert verdict([flat("peak", 30)], finals=low) == Compliance("pass", ())
+    # Those of another line are not.
+    assert verdict([flat("peak", 30, line="N")], finals=high) == Compliance("fail", (f"line L1: {above}", "line L1: average: not measured"))
+    assert verdict([flat("peak", 30, line="N")], finals=low).verdict == "marginal"
+    state = [flat("peak", 30, operating="full load")]
+    assert verdict(state, finals=[final("quasi-peak", 1e6, 90, line="L1", operating="full load")]).verdict == "fail"
+    assert verdict(state, finals=[final("quasi-peak", 1e6, 90)]).verdict == "fail"
+
+
 def test_final_values_that_the_receivers_file_holds_leave_it_open():
     spectra = [flat("quasi-peak", 40, final_values_left_out="2 final values in the file are left out"), flat("average", 30)]
     assert verdict(spectra) == Compliance("marginal", ("2 final values in the file are left out",))

@@ -26,6 +26,9 @@ from motoremi.emission.limit import Limit, LimitLine
 from motoremi.quantities import show_band
 
 Span: TypeAlias = tuple[float, float]
+# Line of the LISN and operating state.
+Place: TypeAlias = tuple[str, str]
+NOT_STATED: Place = ("", "")
 # A step so many times wider than its neighbours and the bandwidth is a gap between two scans in one spectrum.
 GAP = 4.0
 # Spans that a reason lists.
@@ -75,10 +78,13 @@ def compliance(
         Scans with the motor off, corrected; they only show whether the receiver measured anew for each scan.
     """
     found: list[tuple[Verdict | None, str]] = []
-    for place in dict.fromkeys(place_of(spectrum) for spectrum in spectra):
+    scanned = list(dict.fromkeys(place_of(spectrum) for spectrum in spectra))
+    with_finals = [_home(place_of(final), scanned) for final in finals if place_of(final) != NOT_STATED]
+    for place in dict.fromkeys([*scanned, *with_finals]):
         own = [spectrum for spectrum in spectra if place_of(spectrum) == place]
-        own_finals = [spectrum for spectrum in finals if place_of(spectrum) == place]
-        of_place = [one for one in judged if (one.conductor, one.operating) in (place, ("", ""))]
+        own_finals = [spectrum for spectrum in finals if _home(place_of(spectrum), scanned) == place]
+        places = [(one, (one.conductor, one.operating)) for one in judged]
+        of_place = [one for one, own_place in places if own_place == NOT_STATED or _home(own_place, scanned) == place]
         lines = {line.detector: _on_line(own, own_finals, of_place, line, limit, guard_db) for line in limit.lines}
         if "peak" in lines and "quasi-peak" in lines:
             # A peak limit beside a quasi-peak limit is an alternative to it (CISPR 25): either is enough, and quasi-peak decides if peak does not.
@@ -90,6 +96,13 @@ def compliance(
     worst = min((verdict for verdict, _ in found), key=WORST_FIRST.index, default=None)
     ranked = sorted((one for one in found if one[1]), key=lambda one: WORST_FIRST.index(one[0]))
     return Compliance(worst or "marginal", tuple(dict.fromkeys(reason for _, reason in ranked)))
+
+
+def _home(place: Place, scanned: Sequence[Place]) -> Place:
+    """The place of scans that a final value belongs to: its own, else one of which line or state is not stated; its own without such scans."""
+    if place in scanned:
+        return place
+    return next((one for one in scanned if all(part in ("", own) for part, own in zip(one, place, strict=True))), place)
 
 
 def of_prediction(judged: Sequence[Judged], limit: Limit) -> Compliance:
