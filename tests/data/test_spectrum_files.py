@@ -407,6 +407,7 @@ def test_final_values_of_a_receiver_are_imported_and_judged(tmp_path: Path) -> N
     verdict = stored.analysis("prediction")
     assert verdict is not None
     assert verdict["verdict"] == "fail"
+    assert [one["line"] for one in verdict["finals"]] == ["N"] * 4
     assert "final value above the average limit by 4.0 dB at 1.27 MHz" in " ".join(verdict["reasons"])
 
     lower = finals.replace("50,00", "41,00")

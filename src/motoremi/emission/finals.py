@@ -197,7 +197,8 @@ def _final(spectrum: Spectrum, corrections: Corrections, limit: Limit) -> Final:
         None if limit_dbuv is None else limit_dbuv - float(level[top]),
         spectrum.resolution_bandwidth_hz,
         float(spectrum.metadata.get("dwell_s", 0.0)),
-        str(spectrum.metadata.get("line", "")),
+        # A receiver that switches the LISN by itself states the phase with each value, and its scans are the highest of all lines.
+        str(spectrum.metadata.get("line", spectrum.metadata.get("phase", ""))),
         str(spectrum.metadata.get("operating", "")),
         bool(spectrum.overload.any()),
     )
