@@ -38,13 +38,22 @@ def spikes(frequency_hz: FloatArray, impedance_ohm: ComplexArray, sigma: FloatAr
     ndarray, shape (n,)
     """
     off = np.zeros(frequency_hz.size)
+    # Of each point the neighbours from which it was predicted last, and what came of it.
+    known = np.zeros((off.size, NEIGHBOURS), dtype=np.intp)
+    deviations, uncertainties = np.zeros(off.size), np.ones(off.size)
     while np.count_nonzero(off) <= MOST * off.size:
         checkpoint()
         kept = np.flatnonzero(off == 0)
         if kept.size <= NEIGHBOURS:
             break
-        deviation, uncertainty = _against_neighbours(frequency_hz[kept], impedance_ohm[kept], sigma[kept])
-        ratio = deviation / uncertainty
+        # Only points beside those that were taken out have other neighbours than before.
+        windows = kept[_windows(kept.size)]
+        changed = np.any(windows != known[kept], axis=1)
+        new, around = kept[changed], windows[changed]
+        known[new] = around
+        deviations[new], uncertainties[new] = _against_neighbours(frequency_hz, impedance_ohm, sigma, new, around)
+        deviation = deviations[kept]
+        ratio = deviation / uncertainties[kept]
         # At the ends of the sweep the prediction would be an extrapolation.
         ratio[:BESIDE], ratio[-BESIDE:] = 0.0, 0.0
         worst = _peaks(ratio) & (ratio > FAR)
@@ -67,10 +76,11 @@ def _windows(count: int) -> IntArray:
     return inside[inside != np.arange(count)[:, None]].reshape(count, NEIGHBOURS)
 
 
-def _against_neighbours(frequency_hz: FloatArray, impedance: ComplexArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """|Z/prediction - 1| of each point and its standard deviation, both of shape (n,)."""
-    windows = _windows(frequency_hz.size)
-    equations = LocalEquations.of(frequency_hz, frequency_hz, impedance[windows] / impedance[:, None], windows)
+def _against_neighbours(
+    frequency_hz: FloatArray, impedance: ComplexArray, sigma: FloatArray, points: IntArray, windows: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """|Z/prediction - 1| of some points and its standard deviation, both of shape (n,), from their neighbours, shape (n, NEIGHBOURS)."""
+    equations = LocalEquations.of(frequency_hz, frequency_hz[points], impedance[windows] / impedance[points][:, None], windows)
     y, columns = equations.values, equations.columns
     noise = sigma[windows] * np.abs(y)
     denominator = np.ones_like(y)
@@ -88,5 +98,5 @@ def _against_neighbours(frequency_hz: FloatArray, impedance: ComplexArray, sigma
     variance = excess * np.sum(np.abs(inverse[:, 0]) ** 2, axis=1)
     magnitude = np.maximum(np.abs(predicted), 1e-12)
     deviation: FloatArray = np.abs(1 / predicted - 1)
-    uncertainty: FloatArray = np.sqrt(variance / magnitude**2 + sigma**2)
+    uncertainty: FloatArray = np.sqrt(variance / magnitude**2 + sigma[points] ** 2)
     return deviation, uncertainty
