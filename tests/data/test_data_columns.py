@@ -124,6 +124,11 @@ def test_the_unit_that_is_not_known_is_named(titles: tuple[str, ...], says: str)
         (("Fréquence (kHz)", "Module (Ω)", "Phase (degrés)"), {"frequency", "magnitude", "phase"}),
         (("Frecuencia (Hz)", "Módulo (Ω)", "Fase (grados)"), {"frequency", "magnitude", "phase"}),
         (("Frequenza (MHz)", "Modulo (ohm)", "Fase (gradi)"), {"frequency", "magnitude", "phase"}),
+        (("Frequency in kHz", "Real part in Ohm", "Imaginary part in Ohm"), {"frequency", "resistance", "reactance"}),
+        (("Frequenz [Hz]", "Wirkwiderstand [Ω]", "Blindwiderstand [Ω]"), {"frequency", "resistance", "reactance"}),
+        (("f [Hz]", "Scheinwiderstand [Ω]", "Phasenwinkel [°]"), {"frequency", "magnitude", "phase"}),
+        (("Frequency(Hz)", "Z(ohm)", "θz(°)"), {"frequency", "magnitude", "phase"}),
+        (("Frecuencia (Hz)", "Resistencia (Ω)", "Reactancia (Ω)"), {"frequency", "resistance", "reactance"}),
     ],
 )
 def test_names_as_laboratories_write_them(titles: tuple[str, ...], meaning: set[str]) -> None:

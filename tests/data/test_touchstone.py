@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,26 @@ def test_a_comment_behind_the_options(tmp_path: Path) -> None:
 def test_a_comment_above_the_names_of_a_table_is_no_option_line(tmp_path: Path, comment: str) -> None:
     names = "frequency_hz resistance_ohm reactance_ohm"
     assert read(tmp_path, f"{comment}\n{names}\n{rows(FREQUENCY, *parts(OPEN))}").metadata["format"] == "csv"
+
+
+def test_the_reference_as_one_word(tmp_path: Path) -> None:
+    s = (OPEN - 75) / (OPEN + 75)
+    np.testing.assert_allclose(read(tmp_path, f"# HZ S RI R75\n{rows(FREQUENCY, *parts(s))}").impedance_ohm, OPEN, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("above", "says"),
+    [
+        ("", "the option line is missing: put it above the numbers, for example '# HZ S RI R 50'"),
+        ("! NanoVNA\n", "the option line is missing"),
+        ("# HZ S RI R 50,0\n", "its option line '# HZ S RI R 50,0' cannot be read"),
+        ("# Hertz S RI R 50\n", "its option line '# Hertz S RI R 50' cannot be read"),
+    ],
+)
+def test_an_option_line_that_lacks_or_cannot_be_read_is_told(tmp_path: Path, above: str, says: str) -> None:
+    (tmp_path / "data.S1P").write_text(above + rows(FREQUENCY, *parts(reflected(OPEN))))
+    with pytest.raises(BadInput, match=re.escape(says)):
+        read_impedance(tmp_path / "data.S1P", "open")
 
 
 def test_a_magnitude_below_0_is_refused(tmp_path: Path) -> None:

@@ -57,16 +57,20 @@ class _Quantity:
 
 
 def _part(symbols: str | Sequence[str], *words: str) -> tuple[str, ...]:
-    """Names of a part of a quantity: `re_z`, `z_re` and so on."""
+    """Names of a part of a quantity: `re_z`, `rez`, `z_re` and so on."""
     every = (symbols,) if isinstance(symbols, str) else symbols
-    return tuple(name for symbol in every for word in words for name in (f"{word}_{symbol}", f"{symbol}_{word}", f"{symbol}{word}"))
+    return tuple(
+        name for symbol in every for word in words for name in (f"{word}_{symbol}", f"{word}{symbol}", f"{symbol}_{word}", f"{symbol}{word}")
+    )
 
 
-_REAL = ("re", "real", "realteil", "reelle", "reale")
-_IMAGINARY = ("im", "imag", "imaginary", "imaginarteil", "imaginaire", "imaginaria", "immaginaria")
+_REAL = ("re", "real", "real_part", "realteil", "reelle", "reale")
+_IMAGINARY = ("im", "imag", "imaginary", "imaginary_part", "imaginarteil", "imaginaire", "imaginaria", "immaginaria")
 _MAGNITUDE = ("abs", "mag", "magnitude", "modulus", "betrag", "module", "modulo")
-_PHASE = ("phase", "theta", "arg", "angle", "phi", "fase")
-_IMPEDANCE = ("impedance", "impedanz", "impedancia", "impedenza")
+_PHASE = ("phase", "theta", "arg", "angle", "phi", "fase", "phasenwinkel")
+_IMPEDANCE = ("impedance", "impedanz", "scheinwiderstand", "impedancia", "impedenza")
+_RESISTANCE = ("resistance", "resistanz", "wirkwiderstand", "resistencia", "resistenza")
+_REACTANCE = ("reactance", "reaktanz", "blindwiderstand", "reactancia", "reattanza")
 _FREQUENCY = ("frequency", "freq", "f", "frequenz", "frequence", "frecuencia", "frequenza")
 _LEVEL = ("level", "amplitude", "power")
 _Z, _Y = ("z", *_IMPEDANCE), ("y", "admittance")
@@ -76,8 +80,8 @@ _S11_MAGNITUDE = ("|s11|", *_part(_S11, *_MAGNITUDE))
 _REFLECTIONS = {"reflection_db", "return_loss", "reflection_magnitude"}
 _QUANTITIES = (
     _Quantity("frequency", HERTZ, _FREQUENCY),
-    _Quantity("resistance", OHM, ("resistance", "r", *_REAL, "z'", *_part(_Z, *_REAL))),
-    _Quantity("reactance", OHM, ("reactance", "x", "xs", *_IMAGINARY, "z''", *_part(_Z, *_IMAGINARY))),
+    _Quantity("resistance", OHM, (*_RESISTANCE, "r", *_REAL, "z'", *_part(_Z, *_REAL))),
+    _Quantity("reactance", OHM, (*_REACTANCE, "x", "xs", *_IMAGINARY, "z''", *_part(_Z, *_IMAGINARY))),
     _Quantity("magnitude", OHM, (*_Z, "|z|", "zmod", *_MAGNITUDE[2:], *_part(_Z, *_MAGNITUDE))),
     # Some LCR meters write the unit behind the symbol, `θr` and `θd`.
     _Quantity("phase", ANGLE, (*_PHASE, "phase_angle", "thetar", "thetad", "zphz", *_part(_Z, *_PHASE))),
@@ -227,8 +231,8 @@ def with_units(table: Table, units: Mapping[str, str]) -> tuple[Table, tuple[str
     given = {name.strip().lower(): unit for name, unit in units.items()}
     wanted = [given.get(title.strip().lower(), "") for title in table.columns]
     titles = tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(table.columns, wanted, strict=True))
-    told = ", ".join(f"{clean_text(title, 40)} in {clean_text(unit, 40)}" for title, unit in zip(table.columns, wanted, strict=True) if unit)
-    return replace(table, columns=titles), (f"{UNITS_GIVEN}{told}",) if told else ()
+    stated = ", ".join(f"{clean_text(title, 40)} in {clean_text(unit, 40)}" for title, unit in zip(table.columns, wanted, strict=True) if unit)
+    return replace(table, columns=titles), (f"{UNITS_GIVEN}{stated}",) if stated else ()
 
 
 def unit_trouble(table: Table) -> str:

@@ -32,7 +32,7 @@ from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep, checked_accuracy
 from motoremi.data.table import Table, parse_table
 from motoremi.data.text_file import WrongKind, decode, file_name, of_file, read_bytes, show_name
 from motoremi.data.tinysa_csv import is_two_columns, parse_tinysa
-from motoremi.data.touchstone import is_touchstone, parse_touchstone
+from motoremi.data.touchstone import is_touchstone, option_trouble, parse_touchstone
 from motoremi.errors import BadInput
 from motoremi.given import refuse_other
 from motoremi.quantities import show_band
@@ -141,6 +141,8 @@ def _readings(
         return [(rows, header, "4294a-ascii")]
     if is_touchstone(text):
         return [(*parse_touchstone(text, name, fixture, band), "touchstone")]
+    if trouble := option_trouble(text, name):
+        raise BadInput(f"{name}: {trouble}")
     if is_analyser_csv(text):
         plain, known = plain_table(text, name)
         rows, header, title = _rows_of_table(parse_table(plain, name), termination, band)
@@ -396,7 +398,7 @@ def _wrong_columns(table: Table, found: dict[str, Column]) -> BadInput:
     lacking = troubles and find_pair(possible) is None
     if troubles and not lacking and "frequency" in possible:
         return BadInput(f"{table.name}: {'; '.join(troubles)} ({have})")
-    # What is missing apart from units is told at once.
+    # What is missing apart from units is reported in one message.
     why = "no two of them give an impedance: needed are" if lacking else "an impedance sweep needs"
     if not any(meanings_of(title) for title in table.columns):
         troubles.insert(0, "there is no row of column names with units")

@@ -22,6 +22,9 @@ from motoremi.data.text_file import split_lines
 from motoremi.errors import BadInput
 
 _UNITS = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
+# How the names of Touchstone files end.
+_ENDING = re.compile(r"\.[sygzh][0-9]p$", re.IGNORECASE)
+_REFERENCE = re.compile(r"R[0-9.]+")
 _PARAMETERS = {"S", "Y", "Z", "G", "H"}
 _FORMATS = {"RI", "MA", "DB"}
 _PLAIN = re.compile(r"not[ -]normali[sz]ed|un-?normali[sz]ed|\bin (?:ohms?|siemens)\b|\[ohms?\]|\(ohms?\)|Ω", re.IGNORECASE)
@@ -64,8 +67,7 @@ def is_touchstone(text: str) -> bool:
 
     An option line of less than two entries may be the comment of another table: it counts above a row of one port or of two.
     """
-    lines = (line.partition("!")[0].strip() for line in split_lines(text[:50_000]))
-    first, second, *_ = *islice(filter(None, lines), 2), "", ""
+    first, second = _first_lines(text)
     if first.lower().startswith("[version]"):
         return True
     options = _options(first)
@@ -73,6 +75,25 @@ def is_touchstone(text: str) -> bool:
         return False
     cells = second.split()
     return options.stated >= 2 or (len(cells) in _PORTS and all(map(looks_numeric, cells)))
+
+
+def option_trouble(text: str, name: str) -> str:
+    """Why a file that is named as Touchstone, and holds rows as such files do, is none; empty for any other file."""
+    first, second = _first_lines(text)
+    row = second if first.startswith("#") else first
+    cells = row.split()
+    if not _ENDING.search(name) or len(cells) not in _PORTS or not all(map(looks_numeric, cells)):
+        return ""
+    if first.startswith("#"):
+        return f"its option line {clean_text(first, 60)!r} cannot be read: write for example '# HZ S RI R 50'"
+    return "the option line is missing: put it above the numbers, for example '# HZ S RI R 50' (or MA, DB; with the unit of the frequencies)"
+
+
+def _first_lines(text: str) -> tuple[str, str]:
+    """The first two lines that are more than a comment; empty where there are fewer."""
+    lines = (line.partition("!")[0].strip() for line in split_lines(text[:50_000]))
+    first, second, *_ = *islice(filter(None, lines), 2), "", ""
+    return first, second
 
 
 @dataclass(frozen=True)
@@ -98,6 +119,10 @@ def _options(line: str) -> _Options | None:
     position = 0
     while position < len(words):
         word = words[position]
+        if _REFERENCE.fullmatch(word):
+            # Written as one word, `R50`.
+            words[position : position + 1] = ["R", word[1:]]
+            continue
         if word in _PARAMETERS:
             parameter = word
         elif word in _FORMATS:
