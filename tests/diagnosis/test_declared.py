@@ -66,3 +66,26 @@ def test_a_cable_of_nearly_the_law_of_the_catalogue_does_not_make_the_declaratio
         found = me.diagnose(me.fit(me.dc_motor(), sweeps))
     assert found.effects == ("supply-cable",)
     assert "not-as-declared" not in {finding.id for finding in found.findings}
+
+
+def test_a_healthy_motor_on_a_network_analyser_that_was_declared_as_an_impedance_analyser():
+    """Directivity, match and tracking of 0.1 % each: at large |Z| several per cent of it, far more than a 4294A errs."""
+    rng = np.random.default_rng((21, 1))
+
+    def error():
+        constant, slope = 1e-3 * (rng.normal(size=2) + 1j * rng.normal(size=2))
+        return constant + slope * np.log(FREQUENCY_HZ / 1e6) / 3
+
+    directivity, match, tracking = error(), error(), error()
+    sweeps = []
+    for termination in TERMINATIONS:
+        true = impedance(DAMPED, termination, FREQUENCY_HZ)
+        reflection = (true - 50) / (true + 50)
+        read = directivity + (1 + tracking) * reflection / (1 - match * reflection)
+        for _ in range(3):
+            noisy = read + 1e-4 * (rng.normal(size=201) + 1j * rng.normal(size=201))
+            sweeps.append(ImpedanceSweep(termination, FREQUENCY_HZ, 50 * (1 + noisy) / (1 - noisy), metadata={"analyser": "4294a"}))
+    with seeking(FEW):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert found.verdict == "adequate"
+    assert "not-as-declared" in {finding.id for finding in found.findings}
