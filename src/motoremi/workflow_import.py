@@ -263,14 +263,14 @@ OF_NOISE = 3.0
 def _without_use(measurement: Measurement, new: Sequence[ImpedanceSweep], values: Sequence[SingleValue]) -> list[str]:
     """A sentence for each new sweep under a condition, and each new value, that the diagnosis cannot use."""
     added = {(sweep.condition, sweep.termination) for sweep in new}
-    told = []
+    sentences = []
     for one, why in without_use(measurement):
         unused = f"stored, but a diagnosis does not use it: {why}"
         if isinstance(one, SingleValue):
-            told += [f"{one.name}: the value is {unused}"] if one in values else []
+            sentences += [f"{one.name}: the value is {unused}"] if one in values else []
         elif (one.condition, one.sweep.termination) in added:
-            told.append(f"{one.condition}: the {one.sweep.termination} sweep is {unused}")
-    return told
+            sentences.append(f"{one.condition}: the {one.sweep.termination} sweep is {unused}")
+    return sentences
 
 
 def _disagreeing(measurement: Measurement, new: Sequence[ImpedanceSweep]) -> list[str]:

@@ -172,8 +172,8 @@ def import_(
     for item in made.corrected:
         assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
         say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
-    for told in final_summaries([chain.corrected_spectrum(one) for one in finals]):
-        say(told)
+    for text in final_summaries([chain.corrected_spectrum(one) for one in finals]):
+        say(text)
     for entry in chain.entries:
         say(f"corrected ({entry.role}): {entry.describe()}")
     if start["analyser_assumed"]:
@@ -195,12 +195,12 @@ def _is_typed(context: typer.Context, name: str) -> bool:
 def _not_named(sweeps: Sequence[ImpedanceSweep]) -> str:
     from motoremi.data.declaration import declared_analyser, is_compensated
 
-    told = "analyser not named: the size of its errors is estimated from the data; give --analyser NAME if you know it"
+    text = "analyser not named: the size of its errors is estimated from the data; give --analyser NAME if you know it"
     if not declared_analyser(sweeps)[0].by_waves:
-        return f"{told} (none for ideal data)"
+        return f"{text} (none for ideal data)"
     if not all(is_compensated(sweep) for sweep in sweeps):
-        told += ", and --compensated if it was calibrated at the motor's terminals"
-    return f"{told}. Reflections are taken for those of a network analyser"
+        text += ", and --compensated if it was calibrated at the motor's terminals"
+    return f"{text}. Reflections are taken for those of a network analyser"
 
 
 def _show_addition(session: Path, added: Addition, as_json: bool) -> None:

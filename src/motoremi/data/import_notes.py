@@ -20,20 +20,20 @@ def final_summaries(finals: Sequence[Spectrum]) -> list[str]:
     groups: dict[tuple[str, str], list[Spectrum]] = {}
     for one in finals:
         groups.setdefault((str(one.metadata.get("source", "-")), one.detector), []).append(one)
-    told = []
+    lines = []
     for (source, detector), own in groups.items():
         highest = max(own, key=lambda one: float(one.level_dbuv[0]))
         level, at = float(highest.level_dbuv[0]), show(float(highest.frequency_hz[0]), "Hz")
-        told.append(f"{detector} {source}: {len(own)} final value{'s' if len(own) > 1 else ''}, up to {level:.1f} {highest.level_unit} at {at}")
-    return told
+        lines.append(f"{detector} {source}: {len(own)} final value{'s' if len(own) > 1 else ''}, up to {level:.1f} {highest.level_unit} at {at}")
+    return lines
 
 
 def _notes(spectrum: Spectrum) -> list[str]:
     source = str(spectrum.metadata.get("source", "-"))
-    told = [str(text) for key in ("changes", "warnings") for text in spectrum.metadata.get(key, ())]
+    lines = [str(text) for key in ("changes", "warnings") for text in spectrum.metadata.get(key, ())]
     if left_out := spectrum.metadata.get("final_values_left_out"):
-        told.append(str(left_out))
-    notes = [f"{source}: {text}" for text in told]
+        lines.append(str(left_out))
+    notes = [f"{source}: {text}" for text in lines]
     if applied := applied_transducer(spectrum):
         notes.append(f"{spectrum.detector}: the receiver has applied its transducer {clean_text(applied, 60)!r}; it must not be in --corrections")
     return notes

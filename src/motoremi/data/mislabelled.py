@@ -22,8 +22,8 @@ BEYOND_FLOORS, PLAINLY, MOVED = 5.0, 0.1, 0.01
 BEGIN_BELOW_HZ, SAME_START = 0.5e6, 1.5
 # the short one is a capacitance (phase below -70 degrees) and the open one is none (above -20), the slopes of ln |Z| over ln f are those of a
 # capacitance and of a resistance or an inductance, and the short one has the larger impedance by this factor. With these values 1058 of 1080
-# simulated motors with exchanged sweeps from 10, 100 or 150 kHz are told, and none with the right ones. Of sweeps from 1 MHz upwards, where motors
-# have their first resonances, 8 of 2880 were told, and two with the right ones.
+# simulated motors with exchanged sweeps from 10, 100 or 150 kHz are recognised, and none with the right ones. Of sweeps from 1 MHz upwards, where
+# motors have their first resonances, 8 of 2880 were recognised, and two with the right ones.
 PLAIN_DEG, OF_SLOPE, LARGER = 70.0, 0.35, 2.0
 EXCHANGED = "the short and the open sweeps seem to be exchanged: at low frequencies the short one is a capacitance and the open one is not"
 

@@ -70,7 +70,7 @@ def parse_receiver_dat(text: str, name: str, with_finals: bool = False) -> tuple
     """The spectra and, with `with_finals`, the final values of a file.
 
     One spectrum for each trace, and for each resolution bandwidth where the scans of a trace differ in it; one of a single point for each final
-    value. Final values that are not returned are told in the metadata `final_values_left_out` of the spectra. Detector and units of a trace may
+    value. Final values that are not returned are counted in the metadata `final_values_left_out` of the spectra. Detector and units of a trace may
     stand in the head of the file.
 
     Raises
@@ -257,17 +257,17 @@ def _left_out(sections: Sequence[tuple[_Section, str]], head: _Section, comma: b
     count = sum(len(section.rows) for section, _ in sections)
     if not count:
         return ""
-    told = "1 final value in the file is left out" if count == 1 else f"{count} final values in the file are left out"
+    text = "1 final value in the file is left out" if count == 1 else f"{count} final values in the file are left out"
     try:
         readings = [one for section, _ in sections for one in _final_readings(section, head, comma)]
     except BadInput:
-        return f"{told}; their levels cannot be read"
+        return f"{text}; their levels cannot be read"
     highest: dict[str, tuple[float, float]] = {}
     for one in readings:
         highest[one.detector] = max((one.level_dbuv, one.frequency_hz), highest.get(one.detector, (-np.inf, 0.0)))
     each = [f"{level:.1f} dBuV at {show(frequency, 'Hz')} ({detector})" for detector, (level, frequency) in highest.items()]
     why = "; ".join(dict.fromkeys(reason for _, reason in sections if reason))
-    return f"{told}, {'' if count == 1 else 'the highest '}{' and '.join(each)}{': ' if why else ''}{why}"
+    return f"{text}, {'' if count == 1 else 'the highest '}{' and '.join(each)}{': ' if why else ''}{why}"
 
 
 @dataclass(frozen=True)

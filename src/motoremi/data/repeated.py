@@ -96,8 +96,8 @@ def keep_highest(levels: Levels) -> Levels:
     apart = float(np.abs(level[firsts] - level[firsts + 1]).max())
     level[firsts] = np.maximum(level[firsts], level[firsts + 1])
     kept = np.delete(np.arange(frequency.size), firsts + 1)
-    told = f"{_which(frequency[firsts])} twice, readings up to {apart:.2g} dB apart: the higher is kept"
-    return Levels(frequency[kept], level[kept], None if levels.overload is None else marks[kept], (*levels.changes, told))
+    change = f"{_which(frequency[firsts])} twice, readings up to {apart:.2g} dB apart: the higher is kept"
+    return Levels(frequency[kept], level[kept], None if levels.overload is None else marks[kept], (*levels.changes, change))
 
 
 def spectrum_of(detector: str, levels: Levels, bandwidth_hz: float, metadata: JsonDict) -> Spectrum:

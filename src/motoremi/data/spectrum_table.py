@@ -59,11 +59,11 @@ def spectra_of_table(table: Table, changes: Sequence[str] = ()) -> list[Spectrum
         bandwidth = of_file(table.name, partial(bandwidth_hz, table.header["rbw_hz"]))
     else:
         header["rbw_assumed"] = True
-    told = (*changes, *_left_out(table, {found["frequency"].index, *marks, *(one.column.index for one in columns)}))
+    notes = (*changes, *_left_out(table, {found["frequency"].index, *marks, *(one.column.index for one in columns)}))
 
     spectra = []
     for one in columns:
-        levels = Levels(frequency, column_values(table, one.column) + one.offset_db, overload, told)
+        levels = Levels(frequency, column_values(table, one.column) + one.offset_db, overload, notes)
         metadata = header | ({"read_as": "dBm in 50 Ohm"} if one.offset_db else {})
         spectra.append(of_file(table.name, partial(spectrum_of, one.detector, levels, bandwidth, metadata)))
     return spectra

@@ -2,7 +2,7 @@
 
 A pass needs, on every line of the LISN and in every operating state that was measured, levels below each limit line wherever there are scans. Where
 there are final values, a maximum of the scans above the limit needs one; so does one inside the guard band that the limit's own detector shows. If
-that is not shown, the verdict is marginal at best. It is on the part of the limit's span that was measured; what was not is told with it.
+that is not shown, the verdict is marginal at best. It is on the part of the limit's span that was measured; the rest is named with it.
 
 Where scans were repeated, the highest reading of a detector counts, and a final value does not cancel a higher scan by the same detector.
 """
@@ -291,11 +291,11 @@ def _around(spectrum: Spectrum, usable: BoolArray) -> list[Span]:
     """Spans around the usable points of a spectrum; each reaches half way to its neighbours."""
     frequency = spectrum.frequency_hz
     before, after = steps_beside(frequency)
-    widest: FloatArray = GAP * np.maximum(np.minimum(before, after), spectrum.resolution_bandwidth_hz)
+    widest = GAP * spectrum.resolution_bandwidth_hz
     # At the ends a whole step: a scan ends at the last multiple of its step.
     reach = np.array([before, after]) / 2
     reach[0, 0], reach[1, -1] = before[0], after[-1]
-    reach = np.where(np.array([before, after]) > widest, np.minimum(before, after), reach)
+    reach = np.where(np.array([before, after]) > widest, np.minimum(np.minimum(before, after), spectrum.resolution_bandwidth_hz), reach)
     low, high = (frequency - reach[0])[usable], (frequency + reach[1])[usable]
     return list(zip(low.tolist(), high.tolist(), strict=True))
 
