@@ -309,6 +309,7 @@ def test_names_from_sweeps_that_the_instrument_smoothed_are_not_sure() -> None:
         found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a"))
     assert any(finding.id == "correlated-noise" and finding.serious for finding in found.findings)
     assert found.confidence <= 0.5 if found.effects else found.verdict in ("data", "unexplained")
+    assert "smoothing" in found.following["why"]
 
 
 def test_a_contact_of_an_ohm_is_named_though_little_is_left():

@@ -451,6 +451,10 @@ def _concluded(
     else:
         singles.sort(key=lambda one: (one.effect not in named, bool(one.unusual), -round(probabilities[one.effect], 6), -one.score))
         following = next_measurement(best.fit if named else base, question, measurement.done)
+        if named and (correlated := _correlated(findings)) is not None:
+            # Names from such data are not sure, whatever is measured besides.
+            following = {"id": "repeats", "why": correlated.remedy}
+            question = dataclasses.replace(question, why=f"{correlated.remedy}; after that: {question.why}")
     if against is not None:
         reasons = [against.why]
     elif unknown and judgement.accepted:
@@ -481,6 +485,11 @@ def _concluded(
         rivals=rivals,
         question=question,
     )
+
+
+def _correlated(findings: Sequence[Finding]) -> Finding | None:
+    """The finding that the points are correlated by so much that an effect could be named for it."""
+    return next((one for one in findings if one.serious and one.id == "correlated-noise"), None)
 
 
 def closeness(one: Candidate) -> float:
@@ -525,7 +534,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("hardly matters")
     if named and judgement.beyond_specification:
         kinds.append("names beyond the specification")
-    if named and any(finding.id == "correlated-noise" and finding.serious for finding in findings):
+    if named and _correlated(findings) is not None:
         kinds.append("names, neighbouring points correlated")
     if named and any(finding.id == "not-as-declared" for finding in findings):
         kinds.append("names, not as declared")
