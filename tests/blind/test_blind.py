@@ -163,7 +163,8 @@ def test_figures_of_a_scoreboard(tmp_path):
 @pytest.mark.slow
 def test_a_game_is_the_same_in_any_number_of_processes():
     told = []
-    with seeking():
+    # The effect that one of the two motors hides, and two others: how the work is shared does not depend on the rest of the catalogue.
+    with seeking({"core-loss", "frame-eddy", "lead-inductance"}):
         alone = play_all(11, 2, 1, lambda *what: told.append(what))
         together = play_all(11, 2, 2)
     assert len(told) == 2
