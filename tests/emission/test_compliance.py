@@ -353,6 +353,18 @@ def test_a_prediction_has_the_highest_level_of_every_detector_at_all_frequencies
     assert np.unique(level[told.frequency_hz < 147e3]) == pytest.approx([40.0])
 
 
+def test_a_list_of_maxima_is_no_scan_of_the_whole_span():
+    """Five levels in 30 MHz passed, and only one of the gaps between them was reported."""
+    maxima = np.array([154.5e3, 411e3, 1.275e6, 8.55e6, 21.1e6])
+    found = verdict([flat("quasi-peak", 20, maxima), flat("average", 10, maxima)])
+    assert found.verdict == "pass"
+    assert found.reasons == tuple(
+        f"{detector}: not measured at 163.5 kHz - 402 kHz, 420 kHz - 1.266 MHz, 1.284 MHz - 8.541 MHz, 8.559 MHz - 21.09 MHz and 1 more span; "
+        "the verdict is on the rest"
+        for detector in ("quasi-peak", "average")
+    )
+
+
 def test_steps_wider_than_half_the_bandwidth_are_told():
     coarse = AXIS[::2]
     told = predict(None, spectra=[flat("quasi-peak", 40, coarse), flat("average", 30)], limit=CISPR32).remarks()

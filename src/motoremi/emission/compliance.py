@@ -29,7 +29,8 @@ Span: TypeAlias = tuple[float, float]
 # Line of the LISN and operating state.
 Place: TypeAlias = tuple[str, str]
 NOT_STATED: Place = ("", "")
-# A step so many times wider than its neighbours and the bandwidth is a gap between two scans in one spectrum.
+# A step so many times wider than the bandwidth is a gap: a disturbance between its two points is in neither reading. It is that between two scans
+# in one spectrum, or between the rows of a list of maxima.
 GAP = 4.0
 # Spans that a reason lists.
 LISTED = 4
@@ -288,7 +289,7 @@ def _below(spectrum: Spectrum, line: LimitLine, guard_db: float) -> BoolArray:
 
 
 def _around(spectrum: Spectrum, usable: BoolArray) -> list[Span]:
-    """Spans around the usable points of a spectrum; each reaches half way to its neighbours."""
+    """Spans around the usable points of a spectrum; each reaches half way to its neighbours, and beside a gap to the bandwidth at most."""
     frequency = spectrum.frequency_hz
     before, after = steps_beside(frequency)
     widest = GAP * spectrum.resolution_bandwidth_hz
@@ -330,5 +331,6 @@ def _joined(spans: Sequence[Span]) -> list[Span]:
 def _listed(spans: Sequence[Span]) -> str:
     """Spans as text."""
     joined = _joined(spans)
-    more = f" and {len(joined) - LISTED} more spans" if len(joined) > LISTED else ""
+    beyond = len(joined) - LISTED
+    more = f" and {beyond} more span{'s' if beyond > 1 else ''}" if beyond > 0 else ""
     return ", ".join(show_band(*span) for span in joined[:LISTED]) + more
