@@ -16,7 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from motoremi.arrays import BoolArray, FloatArray
+from motoremi.arrays import BoolArray
 from motoremi.data.kernels import steps_beside
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import misread
