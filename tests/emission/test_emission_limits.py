@@ -39,6 +39,13 @@ def test_levels(name, detector, frequency_hz, wanted):
     assert level(name, detector, frequency_hz) == pytest.approx(wanted)
 
 
+@pytest.mark.parametrize("name", [name for name in limit_names() if name.startswith("cispr25")])
+def test_the_bands_of_the_standard_that_a_limit_lacks_are_noted(name):
+    limit = find_limit(name)
+    assert max(segment[1] for line in limit.lines for segment in line.segments) == 28e6
+    assert any("the bands of the standard above 28 MHz, up to 108 MHz, are not in this limit" in remark for remark in limit.remarks())
+
+
 def test_gaps_have_no_limit():
     for frequency_hz in (100e3, 400e3, 2e6, 10e6, 29e6, 35e6):
         assert np.isnan(level("cispr25-class5", "average", frequency_hz))
