@@ -87,6 +87,13 @@ def test_an_unknown_condition_is_refused(tmp_path: Path) -> None:
     assert "'# condition: motor running'" in told
 
 
+@pytest.mark.parametrize("title", ["Level (dBµV)", "Pegel [dBµV]", "level_dbuv"])
+def test_a_column_of_levels_whose_detector_is_in_the_header(tmp_path: Path, title: str) -> None:
+    rows = ROWS.replace(",", ";").replace(".", ",")
+    spectrum = read_spectrum(write(tmp_path, f"# Detector: QP\n# RBW: 9 kHz\nFrequenz (Hz);{title}\n{rows}"))
+    assert (spectrum.detector, spectrum.resolution_bandwidth_hz, float(spectrum.level_dbuv.max())) == ("quasi-peak", 9e3, 41.5)
+
+
 def test_a_background_of_an_earlier_session_is_one() -> None:
     assert Spectrum("peak", [1e6, 2e6], [40, 40], 9e3, None, {"condition": "ambient"}).is_background
     assert Spectrum("peak", [1e6, 2e6], [40, 40], 9e3, None, {"condition": "idle"}).condition == "idle"
