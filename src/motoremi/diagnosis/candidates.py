@@ -113,7 +113,14 @@ class Candidate:
         units = {parameter.name: parameter.unit for parameter in self.fit.motor.parameters}
         values = [f"{name} = {show(self.fit.parameters[name], units[name])}" for name in self.unusual]
         overdamped = [one for one in sorted(own_labels(self.fit.effects, self.added)) if _is_overdamped(one, self.fit.motor, self.fit.parameters)]
-        return ", ".join([*values, *(f"{label} is overdamped, so nothing resonates" for label in overdamped)])
+        loops = [one for one in sorted(own_labels(self.fit.motor.effects, self.added)) if f"{one}.skin_hz" in self.unusual]
+        return ", ".join(
+            [
+                *values,
+                *(f"{label} is overdamped, so nothing resonates" for label in overdamped),
+                *(f"{label} has more inductance within its conductor than outside, as no wire, bar or sleeve" for label in loops),
+            ]
+        )
 
     def parameters(self) -> JsonDict:
         """Parameters of the added effects by short name, those of the second and later effects by full name; SI units."""
@@ -137,9 +144,10 @@ class Candidate:
 
 
 def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, float], sigma: Mapping[str, float] | None = None) -> tuple[str, ...]:
-    """Parameters of flexible laws (`FLEXIBLE`) that are outside their usual range, and the resistance of a resonance that is overdamped.
+    """Parameters of flexible laws (`FLEXIBLE`) that are outside their usual range, the resistance of a resonance that is overdamped, and `skin_hz`
+    of a loop with more inductance within its conductor than outside.
 
-    An overdamped resonant cell is a lossy inductance, which has other causes.
+    An overdamped resonant cell is a lossy inductance, which has other causes; such a loop is a wire's own skin effect, or its neighbours'.
 
     Parameters
     ----------
@@ -153,7 +161,8 @@ def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, fl
     counts = Counter(p.name.rpartition(".")[0] for p in own)
     flexible = [p for p in own if counts[p.name.rpartition(".")[0]] >= FLEXIBLE]
     outside = [p.name for p in flexible if _is_unusual(p, values[p.name], 0.0 if sigma is None else UNSURE * sigma[p.name])]
-    return (*outside, *(f"{label}.resistance_ohm" for label in counts if _is_overdamped(label, motor, values)))
+    overdamped = [f"{label}.resistance_ohm" for label in counts if _is_overdamped(label, motor, values)]
+    return (*outside, *overdamped, *(f"{label}.skin_hz" for label in counts if _is_within_itself(label, motor, values, sigma)))
 
 
 def large_elements(fit: Fit) -> list[str]:
@@ -195,9 +204,23 @@ def changed_elements(fit: Fit, others: Mapping[str, Fit]) -> str:
 def _is_overdamped(label: str, motor: Motor, values: Mapping[str, float]) -> bool:
     """Whether an effect is a resonance that is damped more than critically: a resonance that is none."""
     damping_ratio = find_effect(label.partition("#")[0]).effect.damping_ratio
-    if damping_ratio is None:
+    return damping_ratio is not None and damping_ratio(_by_short_name(label, motor, values)) > 1
+
+
+def _is_within_itself(label: str, motor: Motor, values: Mapping[str, float], sigma: Mapping[str, float] | None) -> bool:
+    """Whether an effect is a loop with more inductance within its conductor than outside, by more than its uncertainty (`Effect.within`)."""
+    within = find_effect(label.partition("#")[0]).effect.within
+    if within is None:
         return False
-    return damping_ratio({p.short_name: values[p.name] for p in motor.parameters if p.name.rpartition(".")[0] == label}) > 1
+    own = _by_short_name(label, motor, values)
+    deviations = {} if sigma is None else _by_short_name(label, motor, sigma)
+    of_corner, of_skin = (deviations.get(name, 0.0) / own[name] for name in ("corner_hz", "skin_hz"))
+    return bool(np.log(within(own)) > UNSURE * np.hypot(of_corner, of_skin))
+
+
+def _by_short_name(label: str, motor: Motor, values: Mapping[str, float]) -> dict[str, float]:
+    """Those of one effect's parameters that are not held without a value."""
+    return {p.short_name: values[p.name] for p in motor.parameters if p.name.rpartition(".")[0] == label and p.name in values}
 
 
 def _is_unusual(parameter: Parameter, value: float, uncertainty: float) -> bool:

@@ -24,7 +24,7 @@ from motoremi.diagnosis.belief import (
     in_place_of,
 )
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects, seen_in
-from motoremi.diagnosis.explore import Budget, Key, best_of, explore
+from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
 from motoremi.diagnosis.motor_board import MotorBoard
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN
@@ -534,7 +534,11 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
     # For a circuit within the stated accuracy, effects are shown and none is named.
     spent = ONE_EFFECT if accurate(base) else budget
     board = MotorBoard(base, each, FURTHER if spent.most_effects > 1 else 0)
-    return decided(base, explore(board, board.start(), spent, progress))
+    found = explore(board, board.start(), spent, progress)
+    if accurate(base) and best_of(found.values()).added and base.measurement.terminations == ("short",):
+        # One sweep of a winding alone, of which hardly more than copper and insulation may be left.
+        found = {**{key_of(one): one for one in board.every_winding()}, **found}
+    return decided(base, found)
 
 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER, proven: bool = False) -> Judgement:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray
-from motoremi.model.effects.seen import Seen, winding_of
+from motoremi.model.effects.seen import LEAST_OHM, Seen, winding_of
 from motoremi.model.effects.start import Set
 from motoremi.model.path_to_frame import frames
 from motoremi.model.rational import Rational, rational_fit
@@ -17,6 +17,11 @@ REST = {"skin_ohm": 0.1, "tan_delta": 0.01}
 # The scan: wave impedances and delays; points of the short-circuit and of the open-circuit sweep; number of lines that are tried.
 WAVES_OHM, DELAYS_S = (50.0, 75.0, 110.0, 170.0), np.geomspace(2.5e-9, 8e-8, 16)
 POINTS, FRAME_POINTS, TRIED = 60, 80, 3
+# Between two delays of the scan the phase at the highest frequency changes by at most this much, in radians: the line that is taken away must
+# have the right number of resonances. So many delays at most.
+PHASE_STEP, MOST_DELAYS = 1.0, 200
+# What is behind a line whose far end is shorted, relative to the line's own inductance and capacitance.
+NEXT_TO_NOTHING = 1e-3
 # Damping of the lines of the scan, relative to s: a line without any has an infinite impedance at its resonances.
 DAMPING = 0.005
 
@@ -29,7 +34,7 @@ def winding_behind_cable(seen: Seen) -> list[dict[Any, float]]:
     frequency, measured = seen.frequency_hz[::step], seen.short_ohm[::step]
     found = []
     for wave in WAVES_OHM:
-        for delay in DELAYS_S:
+        for delay in _delays(float(frequency[-1])):
             alone = _through(frequency, measured, wave, -delay)
             winding = rational_fit(frequency, alone, 1 / np.abs(alone), (1, 2))
             error = np.log(_through(frequency, _value(winding, frequency), wave, delay) / measured)
@@ -38,11 +43,20 @@ def winding_behind_cable(seen: Seen) -> list[dict[Any, float]]:
     best = sorted((one for one in found if np.isfinite(one[0])), key=lambda one: one[0])[:TRIED]
     for _, wave, delay, winding in best:
         elements = winding_of(winding.numerator[0], winding.numerator[1], winding.denominator[2], winding.middle)
-        if min(elements.values()) <= 0:
-            continue
+        # Behind a cable whose far end is shorted there is nothing that can be read.
+        nothing = {"Ra": LEAST_OHM, "La": NEXT_TO_NOTHING * wave * delay, "Ca": NEXT_TO_NOTHING * delay / wave}
+        elements = {name: value if value > 0 else nothing[name] for name, value in elements.items()}
         start = {**{Set(name): value for name, value in elements.items()}, "wave_ohm": wave, "delay_s": delay, **REST}
         starts += [{**start, **frame} for frame in _frames(seen, winding, wave, delay)]
     return starts
+
+
+def _delays(highest_hz: float) -> list[float]:
+    """The delays of the scan, close enough for lines of many resonances."""
+    coarse = DELAYS_S.tolist()
+    step = PHASE_STEP / (2 * np.pi * highest_hz)
+    count = min(MOST_DELAYS, int((coarse[-1] - coarse[0]) / step))
+    return [*coarse, *np.linspace(coarse[0], coarse[-1], count).tolist()] if count > len(coarse) else coarse
 
 
 def _frames(seen: Seen, winding: Rational, wave: float, delay: float) -> list[dict[Any, float]]:

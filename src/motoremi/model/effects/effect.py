@@ -86,6 +86,9 @@ class Effect:
         Parameters that are smaller than an element of the motor, which would otherwise have exchanged places with the effect.
     damping_ratio : callable, optional
         That of its resonance, which `resistance_ohm` damps, from its parameters by short name. Above 1 nothing resonates: such values are unusual.
+    within : callable, optional
+        Inductance of a loop within its conductor over that outside, from its parameters by short name. Above 1 no wire, bar or sleeve is like that:
+        such values are unusual.
     odds : float
         Prior odds of it relative to other effects: below 1 for what few DC motors have.
     kin : str
@@ -124,6 +127,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     less_than: Mapping[str, str] = field(default_factory=dict)
     damping_ratio: Callable[[Mapping[str, float]], float] | None = None
+    within: Callable[[Mapping[str, float]], float] | None = None
     odds: float = 1.0
 
     @property

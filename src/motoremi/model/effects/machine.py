@@ -22,6 +22,15 @@ CAGE_SEEN_BELOW_HZ = 20e3
 LOOP = "s * La * (1 - share * s / (s + w * x / tanh(x))), w = 2 * pi * corner_hz, x = sqrt(s / (2 * pi * skin_hz))"
 
 
+def _within(own: Mapping[str, float]) -> float:
+    """Inductance within a loop's conductor over that outside: for low f, w * x / tanh(x) is w + s * corner_hz / (3 * skin_hz).
+
+    For a ring of round wire it is 1 / (4 * (ln(8 r / a) - 2)) (Grover, Inductance Calculations, 1946), 0.08 with r = 20 a; for a sleeve a third
+    of its thickness over its radius.
+    """
+    return own["corner_hz"] / (3 * own["skin_hz"])
+
+
 def _common_mode(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
     path = OpenSweepFactor("La", laws.share_factor, (parameters["share"],))
     return dataclasses.replace(motor, open_factors=(*motor.open_factors, path))
@@ -146,6 +155,7 @@ EFFECTS = (
         starts=tuple({"share": k, "corner_hz": f, "skin_hz": 3e5, Scale("La"): 1 / (1 - k)} for k in (0.2, 0.6) for f in (100.0, 500.0, 2e3, 2e4)),
         responds={"dc-bias": {"share": 1.05}, "rotor-out": {"share": 0.0}},
         copper={"corner_hz": 1.0},
+        within=_within,
         # The armature of a DC motor is wound, and what acts like a cage there is solid iron, which other effects describe as well. An estimate.
         odds=0.2,
         seen_as=("inductance-loop",),
@@ -180,6 +190,7 @@ EFFECTS = (
         # How far the poles couple to the turn changes with the angle of the armature; an estimate.
         responds={"shaft-turned": {"share": 1.4}},
         copper={"corner_hz": 1.0},
+        within=_within,
         seen_as=("inductance-loop",),
         shows_below_hz=CAGE_SEEN_BELOW_HZ,
     ),
