@@ -1,0 +1,98 @@
+"""Parts that are no motor and have little inside: an air coil, a cable with a shorted far end; their sweeps are from textbook formulas."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from few_effects import FEW, seeking
+from scipy.special import iv
+
+import motoremi as me
+from motoremi.data.analyser import find_analyser
+from motoremi.diagnosis.candidates import unusual_values
+from motoremi.fitting.problem import fixture_parameters
+from motoremi.model.effects import add_effects
+from motoremi.model.effects.cable_starts import winding_behind_cable
+from motoremi.model.effects.seen import Seen
+
+IMITATING = {"shorted-turn", "rotor-cage", "permeability-relaxation", "skin-effect", "proximity-effect", "eddy-laminations", "dielectric-loss@Ca"}
+
+
+def scatter(seed: int, values: np.ndarray, relative: float) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return values * (1 + relative * (rng.standard_normal(values.size) + 1j * rng.standard_normal(values.size)) / np.sqrt(2))
+
+
+@cache
+def air_coil() -> me.ImpedanceSweep:
+    """Ten turns of copper wire of 0.5 mm on a tube of 40 mm: 1.3 m of it, its field within from Bessel's functions, and a former that loses 4 %."""
+    frequency = np.linspace(1e5, 16e6, 1200)
+    omega = 2 * np.pi * frequency
+    wave = (1 + 1j) * np.sqrt(omega * 4e-7 * np.pi * 5.8e7 / 2) * 0.25e-3
+    inner = 1.3 / (np.pi * 0.25e-3**2 * 5.8e7) * wave / 2 * iv(0, wave) / iv(1, wave)
+    outer = 1j * omega * 6.7e-6
+    beside = 1j * omega * 7.6e-12 * (1 - 0.04j)
+    impedance = 1 / (1 / (inner + outer) + beside)
+    return me.ImpedanceSweep("short", frequency, scatter(3, impedance, 1e-3), metadata={"accuracy_percent": "5"})
+
+
+@pytest.mark.slow
+def test_an_air_coil_has_no_core_and_no_shorted_turn() -> None:
+    with seeking({*FEW, *IMITATING}):
+        found = me.diagnose(me.fit(me.dc_motor(), [air_coil()]))
+    assert found.verdict == "adequate"
+    assert {one.effect for one in found.candidates[:2]} <= {"skin-effect", "proximity-effect", "dielectric-loss@Ca"}
+    assert found.likeliest_sets[0][0] == ("dielectric-loss@Ca", "skin-effect")
+
+
+def loop(corner_hz: float, skin_hz: float, sigma: float = 0.0) -> tuple[str, ...]:
+    motor = add_effects(me.dc_motor(), ["shorted-turn"])
+    values = {"shorted-turn.share": 0.1, "shorted-turn.corner_hz": corner_hz, "shorted-turn.skin_hz": skin_hz}
+    return unusual_values(motor, {"shorted-turn"}, values, {name: sigma * value for name, value in values.items()})
+
+
+def test_a_loop_has_less_inductance_within_its_wire_than_outside() -> None:
+    """A ring of 20 mm of wire of 1 mm: 1.2 mOhm, 41 nH outside and 3 nH within, and its skin depth is the radius at 17 kHz."""
+    assert loop(corner_hz=4.7e3, skin_hz=17e3) == ()
+    assert loop(corner_hz=2e5, skin_hz=9.7e3) == ("shorted-turn.skin_hz",)
+    # Where the sweep hardly shows the skin effect, it says nothing about that.
+    assert loop(corner_hz=2e5, skin_hz=9.7e3, sigma=1.0) == ()
+
+
+def shorted_cable(metres: float) -> tuple[np.ndarray, np.ndarray]:
+    """RG58 with a shorted far end: 50 ohm, 5 ns a metre, and the loss that its data sheets give (0.16 dB a metre at 100 MHz, as the root of f)."""
+    frequency = np.linspace(10e6, 100e6, 400)
+    loss = 0.16 / 8.686 * np.sqrt(frequency / 100e6) * (1 + 1j)
+    return frequency, 50 * np.tanh((loss + 2j * np.pi * frequency * 5e-9) * metres)
+
+
+@pytest.mark.parametrize("metres", [1.3, 4.96, 7.8])
+def test_start_values_of_a_cable_have_its_number_of_resonances(metres: float) -> None:
+    frequency, impedance = shorted_cable(metres)
+    starts = winding_behind_cable(Seen(frequency, impedance))
+    phases = [2 * np.pi * 100e6 * (start["delay_s"] - 5e-9 * metres) for start in starts if abs(start["wave_ohm"] - 50) < 10]
+    assert min(map(abs, phases), default=np.inf) < np.pi / 4
+
+
+@pytest.mark.slow
+def test_a_cable_with_a_shorted_end_is_found_by_a_network_analyser() -> None:
+    frequency, impedance = shorted_cable(4.96)
+    # Directivity of -54 dB and 12 mm of connector behind the plane of calibration.
+    reflection = (impedance - 50) / (impedance + 50) * np.exp(-4j * np.pi * frequency * 0.06e-9)
+    reflection = scatter(5, reflection, 5e-4) + 0.002 * np.exp(2j * np.pi * frequency / 70e6)
+    sweep = me.ImpedanceSweep("short", frequency, 50 * (1 + reflection) / (1 - reflection))
+    with seeking({*FEW, "supply-cable", "distributed-winding", "winding-sections"}):
+        found = me.diagnose(me.fit(me.dc_motor(), [sweep], analyser="nanovna"))
+    assert found.effects == ("supply-cable",)
+    assert found.best.parameters["supply-cable.delay_s"] == pytest.approx(24.8e-9, rel=0.02)
+    assert found.best.unexplained_percent["value"] < 5
+
+
+@pytest.mark.parametrize("name", ["nanovna", "nanovna+series-through", "nanovna+shunt-through"])
+def test_a_fixture_is_made_of_wires(name: str) -> None:
+    """What an analyser reads below zero is its own error, not a capacitance of -2 pF of the fixture."""
+    elements = fixture_parameters(find_analyser(name))
+    assert len(elements) >= 4
+    assert all(element.low == 0 for element in elements)
