@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from command_line import motoremi
 from typer.testing import CliRunner
 
 import motoremi as me
@@ -65,6 +66,15 @@ def test_every_format_at_once(session, tmp_path):
         assert file["spectra/1/overload"][:].tolist() == [False, True, False]
         assert json.loads(file["analysis/ladder"][()])["steps"]
         assert file["model/short/impedance_ohm"].shape == (401,)
+
+
+def test_two_formats_in_one_file_are_refused(session, tmp_path):
+    (tmp_path / "m").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "m")
+    done = motoremi("export", session, "--csv", tmp_path / "m", "--hdf5", tmp_path / "link")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "two formats would be written to it" in done.stderr
+    assert (tmp_path / "m").read_text() == "mine"
 
 
 @pytest.mark.parametrize("name", ["m.s1p", "m.z1p"])

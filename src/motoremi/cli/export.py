@@ -40,11 +40,13 @@ def export_(
     from motoremi.workflow import ladder_of
     from motoremi.workflow_export import Exported, Exporter
 
-    if all(file is None for file in (spice, spice_emission, touchstone, csv, hdf5, parquet)):
+    files = [file for file in (spice, spice_emission, touchstone, csv, hdf5, parquet) if file is not None]
+    if not files:
         raise BadInput("nothing to export: give --spice, --spice-emission, --touchstone, --csv, --hdf5 or --parquet with a FILE")
-    for file in (spice, spice_emission, touchstone, csv, hdf5, parquet):
-        if file is not None:
-            check_output(file)
+    for number, file in enumerate(files):
+        check_output(file)
+        if file.resolve() in [other.resolve() for other in files[:number]]:
+            raise BadInput(f"{file}: two formats would be written to it, and only the last would remain; give each its own file")
     if touchstone is not None and touchstone.suffix.lower() not in TOUCHSTONE:
         raise BadInput(f"{touchstone}: the data of one port are written as {' or '.join(TOUCHSTONE)}")
     session = load(path)
