@@ -43,10 +43,10 @@ def export_(
     files = [file for file in (spice, spice_emission, touchstone, csv, hdf5, parquet) if file is not None]
     if not files:
         raise BadInput("nothing to export: give --spice, --spice-emission, --touchstone, --csv, --hdf5 or --parquet with a FILE")
-    for number, file in enumerate(files):
-        check_output(file)
-        if file.resolve() in [other.resolve() for other in files[:number]]:
-            raise BadInput(f"{file}: two formats would be written to it, and only the last would remain; give each its own file")
+    for number, wanted in enumerate(files):
+        check_output(wanted)
+        if wanted.resolve() in [other.resolve() for other in files[:number]]:
+            raise BadInput(f"{wanted}: two formats would be written to it, and only the last would remain; give each its own file")
     if touchstone is not None and touchstone.suffix.lower() not in TOUCHSTONE:
         raise BadInput(f"{touchstone}: the data of one port are written as {' or '.join(TOUCHSTONE)}")
     session = load(path)
