@@ -51,6 +51,7 @@ def test_iron_with_a_corner_far_below_the_band(seed):
     short = winding(BIG, 1 - 0.6 + 0.6 * np.tanh(x) / x)
     fit = me.fit(add_effects(me.dc_motor(), ["eddy-laminations"]), sweeps(short, short + frame(BIG), seed, 1e-4), analyser="4294a")
     assert wrong(fit, {name: BIG[name] for name in ("Ra", "La")}) == []
+    assert "eddy-laminations.corner_hz" in fit.another_solution()
 
 
 @pytest.mark.parametrize("seed", range(3))

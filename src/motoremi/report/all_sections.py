@@ -131,6 +131,8 @@ def _fit(steps: tuple[Fit, ...]) -> Section:
     if last.undetermined():
         loose = ", ".join(f"{name} ({_looseness(last, name)})" for name in last.undetermined())
         texts.append(f"The data do not determine {loose}; do not quote values for them.")
+    if (other := last.another_solution()) is not None:
+        texts.append(f"{other[0].upper()}{other[1:]}.")
     if last.unseen():
         texts.append(f"These sweeps do not show {', '.join(last.unseen())}.")
     if not last.explained:
