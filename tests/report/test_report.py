@@ -193,7 +193,7 @@ def test_sweep_that_was_not_measured_is_skipped_in_junit(session, measure):
 def test_table_holds_numbers_where_numbers_belong(session):
     current = load(session)
     last = ladder_of(current)[-1]
-    vague = dataclasses.replace(last, sigma={**last.sigma, "La": float("inf")})
+    vague = dataclasses.replace(last, local_sigma={**last.local_sigma, "La": float("inf")})
     comparison = me.compare(vague, me.Tolerance(error_percent=1e-3))
     rows = list(csv.DictReader(io.StringIO(render_csv(build_report(Materials(current, (vague,), comparison, None))))))
     for row in rows:
