@@ -42,6 +42,9 @@ class Quantity:
         if not isinstance(value, str):
             raise BadInput(f"write it as text with its unit, for example {show(self.low, self.unit)!r}")
         number = parse(value, self.unit)
+        # `parse` takes a number alone as one in SI units: 50 for 50 ms would be 50 s, and 500 for 500 mA would be 500 A.
+        if not value.replace("Ω", "Ohm").replace("ohm", "Ohm").strip().endswith(self.unit):
+            raise BadInput(f"{value!r} has no unit: write it with its unit, for example {show(self.low, self.unit)!r}")
         if not self.low <= number <= self.high:
             raise BadInput(f"{value!r} is outside the range {self.span()}")
         return number

@@ -48,6 +48,8 @@ def _one_problem(problem: Mapping[str, Any], data: Mapping[str, Any]) -> str:
     message = str(problem["msg"]).removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
         message = "unknown key"
+    elif problem["type"] in ("tuple_type", "frozen_set_type"):
+        message = "must be a list, in brackets"
     elif problem["type"] == "union_tag_not_found":
         message = "the key 'do' is missing: it says what the step does"
     return ": ".join(part for part in (".".join(place).replace(").", "): "), message) if part)
