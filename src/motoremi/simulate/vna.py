@@ -8,6 +8,7 @@ users, not from a data sheet.
 from __future__ import annotations
 
 import zlib
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -20,7 +21,9 @@ CALIBRATED = (2e-3, 5e-3, 3e-3)
 RAW = (0.05, 0.05, 0.1)
 # Noise of S11 at 1 kHz bandwidth; it grows with the root of the bandwidth.
 _NOISE = 1e-4
+# Of an error term, over ln(frequency in hertz).
 _KNOTS = 5
+_SPAN = (float(np.log(5e4)), float(np.log(3e8)))
 
 
 class SimulatedVna:
@@ -49,15 +52,19 @@ class SimulatedVna:
         bandwidth_hz : float
         """
         true = (impedance_ohm - REFERENCE_OHM) / (impedance_ohm + REFERENCE_OHM)
+        place = np.clip(np.log(frequency_hz), *_SPAN)
         directivity, match, tracking = (
-            size * self._smooth(name, frequency_hz) for name, size in zip(("directivity", "match", "tracking"), self._errors, strict=True)
+            size * (term[0] + 1j * term[1])
+            for size, term in zip(self._errors, (_smooth(self.seed, name)(place) for name in ("directivity", "match", "tracking")), strict=True)
         )
         shown = directivity + (1 + tracking) * true / (1 - match * true)
         parts = self._noise.standard_normal((2, frequency_hz.size))
         return shown + _NOISE * np.sqrt(bandwidth_hz / 1e3) * (parts[0] + 1j * parts[1])
 
-    def _smooth(self, name: str, frequency_hz: FloatArray) -> ComplexArray:
-        rng = np.random.default_rng([self.seed, zlib.crc32(f"vna {name}".encode())])
-        knots = np.linspace(np.log(5e4), np.log(3e8), _KNOTS)
-        parts = PchipInterpolator(knots, rng.standard_normal((2, _KNOTS)), axis=1)(np.clip(np.log(frequency_hz), knots[0], knots[-1]))
-        return parts[0] + 1j * parts[1]
+
+# A firmware that scans in pieces asks for the same terms many times in a sweep.
+@lru_cache(maxsize=12)
+def _smooth(seed: int, name: str) -> PchipInterpolator:
+    """Real and imaginary part of an error term of size one over ln(frequency)."""
+    rng = np.random.default_rng([seed, zlib.crc32(f"vna {name}".encode())])
+    return PchipInterpolator(np.linspace(*_SPAN, _KNOTS), rng.standard_normal((2, _KNOTS)), axis=1)
