@@ -594,3 +594,18 @@ def test_a_cell_that_is_larger_than_the_winding_has_exchanged_places_with_it(hea
     for factor, exchanged in ((0.1, False), (10.0, True)):
         one = dataclasses.replace(added, parameters={**added.parameters, label: factor * henry, "La": henry})
         assert Candidate(("second-resonance",), one, 0.0, ()).exchanged == exchanged
+
+
+@pytest.mark.parametrize(("named", "effects"), [(False, "permeability-relaxation"), (True, "dielectric-relaxation@Ca")])
+def test_of_an_analyser_without_a_name_the_circuit_that_comes_closer_is_taken(named, effects):
+    """A ferrite bead: two terms of its permeability err by 0.9 %, and with one of its capacitance the assumed analyser by 35 %."""
+    core = "permeability-relaxation"
+    found = of(model((), 0.0, 23.5, 23.0), model((core, "dielectric-relaxation@Ca"), 290.0, 35.0, 0.0), model((core, core), 255.0, 0.9, 0.0))
+    for one in found.values():
+        one.fit.measurement.analyser.named = named
+        if one.added:
+            one.fit.marginal.nothing_left, one.done, one.leaves_nothing, one.fit.explained = 1.0, True, True, True
+    decision = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert decision.accepted
+    assert effects in decision.named
+    assert (decision.absorbing_instead is None) == named

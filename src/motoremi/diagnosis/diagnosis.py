@@ -524,7 +524,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("unusual values")
     if named and judgement.base.measurement.terminations == ("open",):
         kinds.append("named from the open-circuit sweep alone")
-    if judgement.unusual_instead is not None:
+    if judgement.unusual_instead is not None or judgement.absorbing_instead is not None:
         kinds.append("instead of unusual values")
     if len(named) == 1 and find_effect(named[0]).imitated_by:
         kinds.append("imitated")
@@ -624,6 +624,11 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     if (unusual := judgement.unusual_instead) is not None:
         values = unusual.unusual_in_words or ", ".join(unusual.at_bound)
         said.append(f"{unusual.effect} describes these sweeps as well and is more probable, but only with unusual values ({values})")
+    if (absorbing := judgement.absorbing_instead) is not None:
+        said.append(
+            f"{as_sum(absorbing.added)} is more probable, but only by errors that are assumed of an analyser without a name: its circuit misses by "
+            f"{percent(absorbing.fit.rms_error_percent)} (name the analyser: --analyser)"
+        )
     if (alone := judgement.describes_nearly_all) is not None:
         alone_left = alone.fit.unexplained_percent["value"]
         said.append(

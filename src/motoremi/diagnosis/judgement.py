@@ -179,6 +179,13 @@ class Judgement:
         return best if describes and len(self.named) == len(best.added) == 1 and best is not self.model else None
 
     @property
+    def absorbing_instead(self) -> Candidate | None:
+        """A more probable set in whose place the named one is because its circuit comes closer (`_of_the_closer_circuit`)."""
+        best = best_of(self.found.values())
+        larger = best.fit.rms_error_percent >= ALIKE * self.model.fit.rms_error_percent
+        return best if self.named and _is_assumed(best.fit) and larger and best.fit.marginal.nothing_left >= 0.5 else None
+
+    @property
     def describes_nearly_all(self) -> Candidate | None:
         """If two effects are named: the most probable single one with usual values that leaves next to nothing by itself.
 
@@ -555,6 +562,7 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
         judgement = dataclasses.replace(needed, aside=aside)
     if judgement.accurate:
         return dataclasses.replace(judgement, none_named=True)
+    judgement = _of_the_closer_circuit(judgement, together)
     if (enough := judgement.of_accurate) is not None:
         return enough
     if (single := judgement.of_singles_as_good) is not None:
@@ -580,6 +588,32 @@ def _without_steps(base: Fit, found: Mapping[Key, Candidate], together: float, p
     without = {key: one for key, one in found.items() if not any(find_effect(name).effect.of_ranges for name in key)}
     judgement = decided(base, without, together, proven) if len(without) < len(found) else None
     return judgement if judgement is not None and judgement.accepted else None
+
+
+def _of_the_closer_circuit(judgement: Judgement, together: float) -> Judgement:
+    """The judgement among the sets whose circuits err half as much as the most probable one's, if one of them describes everything as well.
+
+    Of an analyser without a name the errors are an assumption, and likelihood ratios rest on it: with a ferrite bead (1 MHz - 1 GHz) two terms of
+    its permeability left a circuit's error of 0.9 %, and one with a relaxing capacitance, more probable by e^35, one of 35 %.
+    """
+    likeliest = judgement.model
+    if not likeliest.added or not _is_assumed(likeliest.fit):
+        return judgement
+    most_percent = likeliest.fit.rms_error_percent / ALIKE
+    closer = {
+        key: one
+        for key, one in judgement.found.items()
+        if len(key) <= len(likeliest.added) and one.leaves_nothing and one.fit.rms_error_percent <= most_percent
+    }
+    if not closer:
+        return judgement
+    other = dataclasses.replace(judgement, belief=believe({(): judgement.found[()], **closer}, together))
+    return other if other.named and other.accepted else judgement
+
+
+def _is_assumed(fit: Fit) -> bool:
+    """Whether the analyser's errors are assumed ones: those of an analyser without a name."""
+    return not fit.measurement.analyser.named
 
 
 def _with_usual_values(judgement: Judgement, together: float) -> Judgement:

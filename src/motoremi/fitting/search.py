@@ -249,12 +249,15 @@ def arrived_on_all(
     problem = task.likelihood(None, sizes)
     u, evaluations = sharpened(problem, problem.vector(solution.values))
     sharp = dataclasses.replace(solution, values=problem.named(u), sizes=sizes, evaluations=solution.evaluations + evaluations)
-    if sharp.marginal.nothing_left >= 0.5:
+    beyond = problem.analyser_sigma(u) > BEYOND_SIGMA
+    if sharp.marginal.nothing_left >= 0.5 and not beyond:
         return sharp
     # The undescribed part may not be smooth: models are comparable only if both descriptions were tried for each.
     plain = least_relative(task, sharp, also)
     # Errors of the analyser far beyond its specification are not accepted if the circuit alone comes closer.
-    absorbed = problem.analyser_sigma(u) > BEYOND_SIGMA and _comes_closer(task, plain, sharp)
+    absorbed = beyond and _comes_closer(task, plain, sharp)
+    if sharp.marginal.nothing_left >= 0.5 and not absorbed:
+        return sharp
     if absorbed or plain.log_evidence > sharp.log_evidence:
         return plain
     # Within its specification it may absorb as much: of two minima that are about as probable the one with the smaller circuit error is taken.
