@@ -161,6 +161,23 @@ def test_the_session_is_what_the_command_makes(client, tmp_path):
     assert client.get(f"/api/sessions/{identifier}").json()["start"]["motor"] == "M 7"
 
 
+def test_final_values_of_a_receiver_are_shown_and_imported(client, tmp_path):
+    settings = "x-Unit;Hz;\ny-Unit;dBuV;\nValues;2;\n"
+    scan = f"Type;ESR7;\nScan 1:\nStart;150000;Hz\nStop;200000;Hz\nRBW;9000;Hz\nTRACE 1:\nDetector;MAX PEAK;\n{settings}150000;60;\n154500;61;\n"
+    final = f"TRACE 1 FINAL:\nFinal Detector;QUASI PEAK;\n{settings}1;150000;50.0;\n1;154500;51.0;\n"
+    (shown,) = drop(client, "scan.dat", (scan + final).encode())["files"]
+    assert (shown["kind"], shown["points"], shown["span"]) == ("spectrum: peak", 2, "150 kHz - 154.5 kHz")
+    assert shown["notes"] == ["quasi-peak scan.dat: 2 final values, up to 51.0 dBuV at 154.5 kHz"]
+    assert client.post("/api/files/session", json={"motor": "M"}).status_code == 200
+    assert [one.level_dbuv.tolist() for one in load(tmp_path / "M").finals] == [[50.0], [51.0]]
+    # A stored final value alone is recognised, and refused without scans.
+    stored = (tmp_path / "M" / "spectra" / "final-quasi-peak-1.csv").read_bytes()
+    (shown,) = drop(client, "final.csv", stored)["files"]
+    assert (shown["kind"], shown["points"]) == ("final values", 1)
+    refused = client.post("/api/files/session", json={"motor": "N"})
+    assert (refused.status_code, "final values alone" in refused.json()["error"]) == (400, True)
+
+
 def test_terminations_can_be_corrected(client, tmp_path):
     drop(client, "short 1.csv", plain(SWEEPS[1]))
     told = drop(client, "open 1.csv", plain(SWEEPS[0]))

@@ -15,6 +15,7 @@ from typing import Any
 from motoremi.arrays import JsonDict
 from motoremi.data.conditions import Condition
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections, read_corrections
+from motoremi.data.import_notes import final_summaries
 from motoremi.data.recognise import Recognised, recognise
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.data.text import clean_text
@@ -88,14 +89,16 @@ class Dropped:
         found = self.found
         if found is None:
             return {**data, "kind": CORRECTIONS if self.tables is not None else ""}
-        ones = [found.sweep] if found.sweep is not None else list(found.spectra)
+        ones = [found.sweep] if found.sweep is not None else [*found.spectra, *found.finals]
+        detectors = ", ".join(one.detector for one in found.spectra)
         first = ones[0].metadata
         notes = [found.doubt, *(str(note) for key in ("changes", "warnings") for note in first.get(key, []))]
         notes += [f"{text} is assumed" for key, text in _ASSUMED.items() if any(one.metadata.get(key) for one in ones)]
+        notes += [*final_summaries(found.finals), str(first.get("final_values_left_out", ""))]
         return {
             **data,
-            "kind": "impedance sweep" if found.sweep is not None else f"spectrum: {', '.join(one.detector for one in found.spectra)}",
-            "points": sum(len(one) for one in ones),
+            "kind": "impedance sweep" if found.sweep is not None else f"spectrum: {detectors}" if detectors else "final values",
+            "points": sum(len(one) for one in found.spectra or ones),
             "span": show_band(float(ones[0].frequency_hz[0]), float(ones[0].frequency_hz[-1])),
             "format": ", ".join(str(first[key]) for key in ("format", "read_as") if key in first),
             "analyser": str(first.get("analyser", "")),
