@@ -144,6 +144,14 @@ def test_files_that_are_none(tmp_path: Path, content: bytes | None, message: str
     assert "broken.toml" in str(caught.value)
 
 
+def test_a_ready_procedure_beside_a_folder_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "impedance_only").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert load_procedure("impedance_only").source["title"]
+    with pytest.raises(BadInput, match=r"there is no procedure 'full_motor': use conducted_emission, .*, or the path of your own .toml file"):
+        load_procedure("full_motor")
+
+
 def test_a_bench_file(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(

@@ -16,6 +16,7 @@ from motoremi.arrays import JsonDict
 from motoremi.bench.connect import driver_class
 from motoremi.bench.impedance_analyser import ImpedanceAnalyser, refuse_without
 from motoremi.bench.receiver import EmiReceiver
+from motoremi.data.text import clean_text
 from motoremi.emission.band import band_at, misread
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput
@@ -201,9 +202,13 @@ def load_procedure(path: str | Path) -> Procedure:
     BadInput
         In one line, with file, step and key of each error.
     """
-    if not Path(path).exists() and str(path) in ready_procedures():
+    ready = ready_procedures()
+    # A session folder may have the name of the procedure.
+    if not Path(path).is_file() and str(path) in ready:
         shipped = resources.files("motoremi.procedures") / f"{path}.toml"
         return parse_procedure(parsed_toml(shipped.read_text(encoding="utf-8"), f"{path}.toml"), f"{path}.toml")
+    if not Path(path).exists() and not Path(path).suffix:
+        raise BadInput(f"there is no procedure {clean_text(str(path), 60)!r}: use {', '.join(ready)}, or the path of your own .toml file")
     return parse_procedure(parsed_toml(read_text(Path(path)), str(path)), str(path))
 
 
