@@ -355,6 +355,13 @@ def test_every_command_has_help_with_an_example():
         assert "Example: motoremi" in done.stdout
 
 
+def test_without_a_command_the_commands_are_listed():
+    done = motoremi()
+    assert done.returncode == 2
+    assert "diagnose" in done.stdout
+    assert done.stderr == "motoremi: no command was given; those above can be: motoremi COMMAND --help describes one\n"
+
+
 def test_every_command_has_an_example_and_speaks_json():
     commands = get_command(app).commands
     assert {"simulate", "investigate", "workbench", "fleet"} <= set(commands)

@@ -39,7 +39,7 @@ def _run() -> int | None:
     except typer.Exit as error:
         return error.exit_code
     except typer.TyperException as error:  # wrong use of the command line
-        fail(error.format_message(), 2)
+        fail(error.format_message() or "no command was given; those above can be: motoremi COMMAND --help describes one", 2)
     except MotoremiError as error:
         fail(str(error), error.exit_status)
     except typer.Abort:
