@@ -15,7 +15,7 @@ from motoremi.diagnosis.candidates import unusual_values
 from motoremi.fitting.problem import fixture_parameters
 from motoremi.model.effects import add_effects
 from motoremi.model.effects.cable_starts import winding_behind_cable
-from motoremi.model.effects.seen import Seen
+from motoremi.model.effects.seen import Across, Seen
 
 IMITATING = {"shorted-turn", "rotor-cage", "permeability-relaxation", "skin-effect", "proximity-effect", "eddy-laminations", "dielectric-loss@Ca"}
 
@@ -72,6 +72,16 @@ def shorted_cable(metres: float) -> tuple[np.ndarray, np.ndarray]:
 def test_start_values_of_a_cable_have_its_number_of_resonances(metres: float) -> None:
     frequency, impedance = shorted_cable(metres)
     starts = winding_behind_cable(Seen(frequency, impedance))
+    phases = [2 * np.pi * 100e6 * (start["delay_s"] - 5e-9 * metres) for start in starts if abs(start["wave_ohm"] - 50) < 10]
+    assert min(map(abs, phases), default=np.inf) < np.pi / 4
+
+
+@pytest.mark.parametrize("metres", [0.9, 4.96])
+def test_start_values_of_a_cable_without_its_motor(metres: float) -> None:
+    """Its open-circuit sweep is the only one, and there is nothing at its far end."""
+    frequency, shorted = shorted_cable(metres)
+    opened = 50**2 / shorted
+    starts = winding_behind_cable(Seen(across=Across(frequency, opened, opened, opened)))
     phases = [2 * np.pi * 100e6 * (start["delay_s"] - 5e-9 * metres) for start in starts if abs(start["wave_ohm"] - 50) < 10]
     assert min(map(abs, phases), default=np.inf) < np.pi / 4
 

@@ -250,7 +250,8 @@ def arrived_on_all(
     u, evaluations = sharpened(problem, problem.vector(solution.values))
     sharp = dataclasses.replace(solution, values=problem.named(u), sizes=sizes, evaluations=solution.evaluations + evaluations)
     beyond = problem.analyser_sigma(u) > BEYOND_SIGMA
-    if sharp.marginal.nothing_left >= 0.5 and not beyond:
+    # Of the paper's circuit it stays open what describes the rest; an effect is there to describe it by the circuit.
+    if sharp.marginal.nothing_left >= 0.5 and not (beyond and task.motor.effects):
         return sharp
     # The undescribed part may not be smooth: models are comparable only if both descriptions were tried for each.
     plain = least_relative(task, sharp, also)
