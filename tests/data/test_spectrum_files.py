@@ -439,6 +439,20 @@ def test_final_values_of_a_receiver_are_imported_and_judged(tmp_path: Path) -> N
     assert json.loads(done.stdout)["verdict"] == "marginal"
 
 
+@pytest.mark.parametrize("lost", [len(";GND;N;\n"), len("8.50;GND;N;\n"), len(";N;\n")])
+def test_a_file_that_is_cut_off_in_its_final_values_is_refused(tmp_path: Path, lost: int) -> None:
+    """The level of the last row could be read as 7 dBuV instead of 78.5."""
+    whole = dat() + FINAL
+    path = write(tmp_path, whole[:-lost])
+    for read in (me.read_emission, me.read_spectra):
+        with pytest.raises(BadInput, match="the file is cut off"):
+            read(path)
+    # Without semicolons at the ends of its rows too.
+    bare = whole.replace("GND;N;", "GND;N")
+    with pytest.raises(BadInput, match="the file is cut off"):
+        me.read_emission(write(tmp_path, bare[: 1 - lost]))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [

@@ -79,7 +79,7 @@ def parse_receiver_dat(text: str, name: str, with_finals: bool = False) -> tuple
         If a trace is cut off, or holds anything but levels of a known detector against frequency.
     """
     file = _sections(text, name)
-    _check_end(text, file.traces, name)
+    _check_end(text, file, name)
     if not file.traces:
         raise BadInput(f"{name}: holds no trace; export the scan with its data")
     comma = _decimal_comma([*file.traces.values(), *file.scans.values(), *(file.finals if with_finals else ()), file.head], name)
@@ -140,14 +140,17 @@ def _sections(text: str, name: str) -> _File:
     return file
 
 
-def _check_end(text: str, traces: dict[str, _Section], name: str) -> None:
-    """Refuse a last line without a line end if its last number was cut off."""
+def _check_end(text: str, file: _File, name: str) -> None:
+    """Refuse a last line without a line end if its last number was cut off, or values behind it are missing."""
     *before, last = (line.strip() for line in split_lines(text))
     if not last:
         return
-    rows = [cells for trace in traces.values() for cells, _ in trace.rows]
+    rows = [cells for trace in file.traces.values() for cells, _ in trace.rows]
+    if file.finals and file.finals[-1].rows:
+        rows = [cells for cells, _ in file.finals[-1].rows]
     lost_its_end = bool(before) and before[-1].endswith(";") and not last.endswith(";")
-    if lost_its_end or (rows and looks_cut(rows[-1][-1], [cells[-1] for cells in rows[:-1]])):
+    fewer = bool(rows) and len(rows[-1]) < max(map(len, rows))
+    if lost_its_end or fewer or (rows and looks_cut(rows[-1][-1], [cells[-1] for cells in rows[:-1]])):
         raise BadInput(f"{name}: the last line has no end and is shorter than those before; the file is cut off")
 
 
