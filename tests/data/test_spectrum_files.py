@@ -24,6 +24,7 @@ from motoremi.data.session import load, verify
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.table import Table
 from motoremi.errors import BadInput
+from motoremi.report.emission_section import final_tables
 
 ROWS = "150000,40.00\n154500,41.50\n159000,39.25\n"
 TWO = "0,150000;40,00;30,00\n0,154500;41,50;31,50\n0,159000;39,25;29,25\n"
@@ -437,6 +438,14 @@ def test_final_values_of_a_receiver_are_imported_and_judged(tmp_path: Path) -> N
     # Without them the peak leaves it open.
     done = motoremi("import", tmp_path / "open", "--spectrum", file("", "none.dat"), "--limit", "cispr32-b", "--json")
     assert json.loads(done.stdout)["verdict"] == "marginal"
+
+
+@pytest.mark.parametrize(("time", "dwell"), [("Final Meas Time;1.0;s\n", "1 s"), ("", "-")])
+def test_a_measuring_time_that_is_not_stated_is_none_in_the_report(tmp_path: Path, time: str, dwell: str) -> None:
+    path = write(tmp_path, dat().replace("159000", "1590000") + FINAL.replace("Final Meas Time;1.0;s\n", time))
+    motoremi("import", tmp_path / "s", "--spectrum", path, "--limit", "cispr32-b")
+    (table,) = final_tables(load(tmp_path / "s").analysis("prediction") or {})
+    assert [dict(zip(table.columns, row, strict=True))["dwell"] for row in table.rows] == [dwell, dwell]
 
 
 @pytest.mark.parametrize("lost", [len(";GND;N;\n"), len("8.50;GND;N;\n"), len(";N;\n")])

@@ -157,7 +157,8 @@ def final_tables(prediction: JsonDict) -> list[Table]:
             "-" if one["limit_dbuv"] is None else f"{one['limit_dbuv']:.1f}",
             "-" if one["margin_db"] is None else f"{one['margin_db']:+.1f} dB",
             show(one["resolution_bandwidth_hz"], "Hz"),
-            show(one["dwell_s"], "s"),
+            # A receiver's file need not state it.
+            show(one["dwell_s"], "s") if one["dwell_s"] else "-",
             one["line"] or "-",
             one["operating"] or "-",
         )
