@@ -44,6 +44,7 @@ def wrong(fit, truth):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_iron_with_a_corner_far_below_the_band(seed):
     """tanh(x)/x is a square root there: only a product of share and corner is seen."""
@@ -54,6 +55,7 @@ def test_iron_with_a_corner_far_below_the_band(seed):
     assert "eddy-laminations.corner_hz" in fit.another_solution()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_path_to_the_frame_hidden_by_capacitors(seed):
     """5 nF from either terminal to the frame: of the path beside them little more than its capacitance is seen."""

@@ -39,9 +39,10 @@ def alternatives(fit: Fit) -> FloatArray:
     Parameters
     ----------
     fit : Fit
-        One with a large error has none: its values say little.
+        One with a large error has none, nor one that did not converge or is the paper's colony's: it is no solution.
     """
-    found = [] if misses_by_far(fit.sizes) else [*_along_laws(fit), *_at_the_frame(fit)]
+    solved = fit.converged and fit.method != "paper" and not misses_by_far(fit.sizes)
+    found = [*_along_laws(fit), *_at_the_frame(fit)] if solved else []
     steps = np.array(found).reshape(-1, len(fit.unknowns))
     size = np.max(np.abs(steps[:, fit.weighed.own]), axis=1, initial=0.0)
     return steps[np.argsort(-size, kind="stable")]
