@@ -10,6 +10,8 @@ import subprocess
 import sys
 import tomllib
 from contextlib import nullcontext
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 import nbformat
@@ -64,17 +66,20 @@ def test_every_block_runs(page: Path, tmp_path: Path) -> None:
 def run_page(page: Path, tmp_path: Path) -> None:
     if page.stem == "own-effect":
         shutil.copy(DOCS / "examples" / "ferrite_bead.py", tmp_path)
-    program = ""
-    for language, block in BLOCK.findall(page.read_text("utf-8")):
+    blocks = BLOCK.findall(page.read_text("utf-8"))
+    for language, block in blocks:
         assert language in ("bash", "python", "toml", "text"), f"{page}: a block in {language} is not run by this test"
-        if language == "bash":
-            run_commands(block, tmp_path)
-        elif language == "python":
-            # The blocks of a page go on where the one before ended.
-            program += block
-            run([sys.executable, "-c", program], tmp_path)
-        elif language == "toml":
+        if language == "toml":
             tomllib.loads(block)
+    program = ""
+    for language, row in groupby((one for one in blocks if one[0] in ("bash", "python")), key=itemgetter(0)):
+        lines = "".join(block for _, block in row)
+        if language == "bash":
+            run_commands(lines, tmp_path)
+        else:
+            # The blocks of a page go on where the one before ended; several in a row are run at once.
+            program += lines
+            run([sys.executable, "-c", program], tmp_path)
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
