@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from motoremi.arrays import JsonDict
+from motoremi.arrays import ComplexArray, JsonDict
 from motoremi.data.analyser import DEFAULT_ANALYSER, find_analyser
 from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
@@ -18,7 +18,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import label_remarks
 from motoremi.data.session import Session, SessionWriter, load, refuse_unfinished, reopen
 from motoremi.data.spectrum import Spectrum
-from motoremi.data.sweep import ImpedanceSweep, checked_accuracy
+from motoremi.data.sweep import ImpedanceSweep, checked_accuracy, group_repeats
 from motoremi.emission.limit import find_limit
 from motoremi.emission.observe import observations
 from motoremi.errors import BadInput
@@ -256,6 +256,9 @@ def _same_repeats(before: Measurement, after: Measurement) -> bool:
 # points counts: beside a sharp resonance a small shift is a large difference, a motor that has warmed differs mainly where its resistance is seen,
 # and leads that moved change a small part of the band.
 DISAGREEING = 0.02
+# Repeats in new files whose noise is not known differ by this share of |Z| at half of the points only if one is of another motor, termination or
+# unit: noise so large would leave nothing to fit.
+UNLIKE = 0.1
 # Random noise alone must not be taken for a difference: its median over many points is below so many times what is expected at a point.
 OF_NOISE = 3.0
 
@@ -301,14 +304,41 @@ def _unlike_stored(stored: Measurement, new: Sequence[ImpedanceSweep]) -> list[s
         expected = float(np.median(np.sqrt(2 * noise.variance * (1 + sweep.repeats))))
         if apart <= max(DISAGREEING, OF_NOISE * expected):
             continue
-        times = float(np.median(np.abs(ratio)))
-        size = f"by {percent(100 * apart, 2)} of |Z|" if apart < 1 else f"by a factor of {times:.3g}"
         which = f"{one.metadata.get('source', 'a sweep')} differs from the stored {one.termination} sweeps"
         found.append(
-            f"{which} {size} (median over the points); repeats are averaged, so if it is of another motor, termination or unit, import it as a "
-            "session of its own, and the files of this motor again without it; if the motor was set up otherwise, append it with --condition"
+            f"{which} {_difference(apart, ratio)} (median over the points); repeats are averaged, so if it is of another motor, termination or "
+            "unit, import it as a session of its own, and the files of this motor again without it; if the motor was set up otherwise, append it "
+            "with --condition"
         )
     return found
+
+
+def _unlike_repeats(sweeps: Sequence[ImpedanceSweep], left_out: Collection[str]) -> list[str]:
+    """A sentence for each repeat, but those that are left out, that is not like the others of its termination.
+
+    As measured: in a `Measurement` leads that moved are in their average position, and they may take over any difference of R and L.
+    """
+    found = []
+    for sweep in group_repeats(sweeps):
+        ohm = sweep.impedance_ohm
+        # Of two neither is known to be the wrong one.
+        typical = ohm[0] if sweep.repeats == 2 else np.median(ohm.real, axis=0) + 1j * np.median(ohm.imag, axis=0)
+        with np.errstate(all="ignore"):
+            ratios = np.nan_to_num(ohm / typical, nan=np.inf)
+        for name, ratio in zip(sweep.names, ratios, strict=True):
+            apart = float(np.median(np.abs(ratio - 1)))
+            if apart > UNLIKE and name not in left_out:
+                others = f"{sweep.names[0]}" if sweep.repeats == 2 else f"the other {sweep.termination} sweeps"
+                found.append(
+                    f"{name} differs from {others} {_difference(apart, ratio)} (median over the points); repeats are averaged, so import it as a "
+                    "session of its own if it is of another motor, termination or unit"
+                )
+    return found
+
+
+def _difference(apart: float, ratio: ComplexArray) -> str:
+    """A relative difference in words, a large one as a factor."""
+    return f"by {percent(100 * apart, 2)} of |Z|" if apart < 1 else f"by a factor of {float(np.median(np.abs(ratio))):.3g}"
 
 
 def prepared(
@@ -352,7 +382,8 @@ def prepared(
     corrected = [chain.corrected_spectrum(item) for item in spectra]
     for final in finals:
         chain.corrected_spectrum(final)
-    measurement = Measurement.of([chain.corrected_sweep(sweep) for sweep in own], values=values) if own else None
+    known = [chain.corrected_sweep(sweep) for sweep in own]
+    measurement = Measurement.of(known, values=values) if own else None
     start = {
         "title": f"Imported: {options.motor}" if options.motor else "Imported sweeps",
         "motor": options.motor,
@@ -364,7 +395,10 @@ def prepared(
         "analyser": None if measurement is None else measurement.analyser.name,
         "analyser_assumed": measurement is not None and named is None and not any(sweep.metadata.get("analyser") for sweep in own),
     }
-    caveats = [] if measurement is None else [*measurement.caveats(), *_without_use(measurement, own, values)]
+    caveats = []
+    if measurement is not None:
+        left_out = {name for sweep in measurement.sweeps for name in sweep.left_out}
+        caveats = [*measurement.caveats(), *_unlike_repeats(known, left_out), *_without_use(measurement, own, values)]
     caveats += chain.remarks()
     caveats += import_notes(spectra)
     seen = tuple(observations(corrected))

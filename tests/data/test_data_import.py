@@ -107,6 +107,19 @@ def test_band_accuracy_and_repeats_are_told_and_stored(tmp_path: Path, short: Pa
     assert again["sweeps"][0]["points"] == 31
 
 
+def test_a_repeat_of_another_motor_or_unit_is_reported(tmp_path: Path) -> None:
+    """A repeat that was a thousand times too large was averaged without a word, and the verdict was `adequate`."""
+    frequency = np.geomspace(150e3, 30e6, 101)
+    ohm = 3 + 2j * np.pi * frequency * 27e-6
+    files = [table(tmp_path / f"{name}.csv", frequency, ohm * factor) for name, factor in (("a", 1.0), ("b", 1.001), ("c", 1000), ("d", 1.3))]
+    told = imported(tmp_path / "two", "--short", files[0], files[2])
+    assert "note: c.csv differs from a.csv by a factor of 1e+03 (median over the points); repeats are averaged" in told
+    told = imported(tmp_path / "three", "--short", files[3], *files[:2])
+    assert told.count("differs from") == 1
+    assert "note: d.csv differs from the other short sweeps by 30 % of |Z| (median over the points)" in told
+    assert "differs from" not in imported(tmp_path / "alike", "--short", *files[:2])
+
+
 def test_a_calibration_at_the_motors_terminals_is_stated_once(tmp_path: Path) -> None:
     files = {name: touchstone(tmp_path / f"{name}.s1p", FREQUENCY, ohm) for name, ohm in (("short", IMPEDANCE), ("open", IMPEDANCE + 5))}
     told = imported(tmp_path / "plain", "--short", files["short"])

@@ -108,6 +108,13 @@ def test_values_in_another_unit_are_told(tmp_path: Path, factor: float) -> None:
     assert "is the unit of its columns right?" in warning
 
 
+@pytest.mark.parametrize(("factor", "span"), [(1e-6, "150 mHz - 30 Hz"), (1e6, "150 GHz - 30 THz"), (1.0, "")])
+def test_frequencies_in_another_unit_are_reported(factor: float, span: str) -> None:
+    frequency = np.geomspace(150e3, 30e6, 101)
+    expected = (f"the frequencies are {span}: is their unit right?",) if span else ()
+    assert implausible(factor * frequency, 3 + 2j * np.pi * frequency * 27e-6) == expected
+
+
 @pytest.mark.slow
 def test_the_verdict_is_data(tmp_path: Path) -> None:
     for sweep in simulated_sweeps(3)[0]:
