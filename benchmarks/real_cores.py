@@ -200,9 +200,9 @@ def page(folder: Path) -> Iterator[str]:
     yield ""
     yield (
         "The circuits that follow from the physics describe these parts, but the diagnosis does not always name them. For an air coil, a core with "
-        "many time constants imitates skin effect and dielectric loss together, with two more parameters and a slightly smaller error; a look at "
-        "the coil shows that there is no core. If a sweep far from 50 ohm is declared as measured by a network analyser, the assumed errors of the "
-        "analyser describe a part of the impedance, and the circuit then has a larger error than the one fitted here."
+        "many time constants imitates skin effect and dielectric loss together, with a slightly smaller error; a sweep of a winding alone is also "
+        "compared with these two together, which are more probable. If a sweep far from 50 ohm is declared as measured by a network analyser, the "
+        "assumed errors of the analyser describe a part of the impedance, and the circuit then has a larger error than the one fitted here."
     )
 
 
