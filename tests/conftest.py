@@ -28,6 +28,7 @@ if threading.current_thread() is threading.main_thread():
 from few_effects import seeking
 from made_once import begin, worked_out_once
 
+from motoremi import workflow
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.diagnosis import diagnosis
 from motoremi.emission import board
@@ -54,8 +55,8 @@ def pytest_configure(config: pytest.Config) -> None:
     # Each scan of a simulated receiver takes a second or two to work out, and many tests scan the same few motors on the same few grids.
     emission_in_time.measure = worked_out_once(emission_in_time.measure)
     if hasattr(config, "workerinput"):
-        # All cores have a worker already: a diagnosis that starts processes of its own takes a fifth more of their time.
-        diagnosis.own_processes = lambda: nullcontext(map)
+        # All cores have a worker already: a diagnosis or fit that starts processes of its own takes a fifth more of their time.
+        diagnosis.own_processes = workflow.own_processes = lambda: nullcontext(map)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -108,6 +108,7 @@ def test_white_noise_is_no_average(repeats: int, noise: float) -> None:
             assert max(average_gains(sweep, own)) < 0.4 * GAIN
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("repeats", [1, 3])
 @pytest.mark.parametrize("times", [3.0, 30.0])
 def test_flicker_noise_is_none(repeats: int, times: float) -> None:
@@ -115,6 +116,7 @@ def test_flicker_noise_is_none(repeats: int, times: float) -> None:
         assert seen(measured(repeats, noise=2e-4, seed=seed, beside=times * 2e-4)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("departure", ["flicker", "warming", "one-repeat", "few-points", "linear-grid", "stations", "vna-reflection"])
 def test_motors_of_the_board_have_none(departure: str) -> None:
     for case in draw_hard_many(7, 3, departure):

@@ -118,6 +118,7 @@ def test_a_known_solution_keeps_to_bounds_and_to_what_is_held(fitted):
     assert free.log_evidence > fitted.log_evidence - 0.1
 
 
+@pytest.mark.slow
 def test_a_fit_of_a_session_never_makes_a_step_worse(session, missing):
     with opened(session) as store:
         fit_session(store)
@@ -134,6 +135,7 @@ def test_a_fit_of_a_session_never_makes_a_step_worse(session, missing):
         assert load(session).ladder[-1]["fit"]["rms_error_percent"] == pytest.approx(stored["rms_error_percent"], rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bound", [{"Cf": (100e-12, 150e-12)}, {"La": (20e-6, 30e-6)}])
 def test_a_fit_with_other_bounds_keeps_to_them(session, missing, bound):
     with opened(session) as store:
@@ -146,6 +148,7 @@ def test_a_fit_with_other_bounds_keeps_to_them(session, missing, bound):
     assert load(session).ladder[-1]["fit"]["bounds"][name] == [low, high]
 
 
+@pytest.mark.slow
 def test_a_fit_that_holds_a_value_holds_it(session, missing):
     with opened(session) as store:
         fit_session(store)
@@ -189,6 +192,7 @@ def test_values_that_cannot_be_read_are_left_out(session, parameters):
     assert workflow.known_solutions(stored, (), workflow.measurement_of(stored)) == []
 
 
+@pytest.mark.slow
 def test_the_algorithm_as_printed_is_shown_as_it_is(session):
     with opened(session) as store:
         fit_session(store)
