@@ -51,7 +51,7 @@ from motoremi.investigation.next_measurement import next_measurement
 from motoremi.investigation.question import Question, next_question
 from motoremi.investigation.rivals import Rivals
 from motoremi.model.effects import find_effect
-from motoremi.model.effects.names import as_sum
+from motoremi.model.effects.names import as_sum, what_is_more
 from motoremi.progress import part
 from motoremi.quantities import percent, show, show_band
 from motoremi.threads import one_blas_thread
@@ -638,10 +638,9 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     relieving = [one for one in judgement.aside.values() if one.fit.analyser_sigma < best.analyser_sigma]
     if relieving:
         further = best_of(relieving)
-        also = [name for name in further.added if name not in named]
         said.append(
-            f"with {' and '.join(also)} as well the analyser would err by {further.fit.analyser_sigma / 3:.2g} times its specification, without it "
-            f"by {best.analyser_sigma / 3:.2g} times: these sweeps do not show whether that is missing too"
+            f"with {what_is_more(further.added, named)} as well the analyser would err by {further.fit.analyser_sigma / 3:.2g} times its "
+            f"specification, without it by {best.analyser_sigma / 3:.2g} times: these sweeps do not show whether that is missing too"
         )
     for family in families:
         said.append(f"these sweeps do not distinguish {', '.join(family[:-1])} and {family[-1]}")
