@@ -47,8 +47,8 @@ def test_a_search_knows_the_fixture_and_the_error_that_is_shown_does_not() -> No
     log, relative = (Problem(dc_motor(), base().measurement, weights=weights) for weights in ("log", "relative"))
     assert [p.name for p in log.unknowns[7:]] == ["fixture R", "fixture L", "fixture G", "fixture C"]
     assert len(relative.unknowns) == 7
-    # From no fixture to three standard deviations of what one of a few centimetres has.
-    assert (log.low[7:], log.high[7:]) == (pytest.approx([0.0] * 4), pytest.approx([3.0] * 4))
+    # Three standard deviations of what a fixture of a few centimetres has.
+    assert (log.low[7:], log.high[7:]) == (pytest.approx([-3.0] * 4), pytest.approx([3.0] * 4))
 
 
 @pytest.mark.slow

@@ -195,7 +195,10 @@ def of_the_analyser(fit: Fit, accepted: bool) -> list[Finding]:
     }
     seen = {name: entry for name, entry in fixture.items() if abs(entry[0]) > SEEN * entry[1] and abs(entry[0]) > 0.05}
     if fixture and (seen or not accepted):
-        parts = ", ".join(f"{name} = {show(value * (p.sigma or 0.0), p.unit)}" for name, (value, _, p) in seen.items())
+        # Wires have no element below zero: that is an error of the calibration, and no value to be told.
+        below = [name for name, (value, _, _) in seen.items() if value < 0]
+        values = [f"{name} = {show(value * (p.sigma or 0.0), p.unit)}" for name, (value, _, p) in seen.items() if value > 0]
+        parts = ", ".join([*values, *(f"{name} below zero, as no fixture has (the calibration errs)" for name in below)])
         if fit.fixture_sigma > ALLOWED_SIGMA:
             parts += (
                 f", up to {fit.fixture_sigma:.2g} times what a fixture of a few centimetres has: long leads, of the bench or of the motor itself"

@@ -552,16 +552,13 @@ def residual_parameters(analyser: Analyser, termination: str, moved: FloatArray 
 
 
 def fixture_parameters(analyser: Analyser, farthest: float = FAR) -> tuple[Parameter, ...]:
-    """The elements of a fixture that was not compensated, the same in all sweeps, with their standard deviations; empty if it was.
-
-    None is below zero: they are those of wires. What an analyser reads below that is its own error, which the residuals of its connection allow.
-    """
+    """The elements of a fixture that was not compensated, the same in all sweeps, with their standard deviations; empty if it was."""
     fixture = analyser.fixture
     if fixture is None:
         return ()
 
     def one(name: str, unit: str, sigma: float) -> Parameter:
-        return Parameter(f"fixture {name}", unit, 0.0, farthest * sigma, "a fixture of a few centimetres", "linear", sigma)
+        return Parameter(f"fixture {name}", unit, -farthest * sigma, farthest * sigma, "a fixture of a few centimetres", "linear", sigma)
 
     return (
         one("R", "Ohm", fixture.resistance_ohm),
