@@ -351,3 +351,23 @@ def test_a_capacitance_that_no_winding_has_is_told():
     with seeking():
         reasons = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a")).reasons
     assert any("Ca = 47" in why and "a capacitor across the terminals" in why for why in reasons)
+
+
+@pytest.mark.parametrize(("termination", "factor"), [("open", 1.3), ("short", 1.3), ("short", 1000.0)])
+def test_a_repeat_of_another_motor_or_unit_contradicts_the_others(termination, factor):
+    """Their difference was taken for noise or for leads that moved, and the verdict was `adequate` with up to 0.96."""
+    rng = np.random.default_rng(12)
+    sweeps = [
+        me.ImpedanceSweep(
+            t,
+            grid(101),
+            impedance(DAMPED, t, grid(101)) * (factor if (t, repeat) == (termination, 1) else 1) * (1 + 1e-3 * complex_normal(rng, 101)),
+        )
+        for t in ("short", "open")
+        for repeat in range(2)
+    ]
+    with seeking(FEW):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps, analyser="4294a"))
+    assert found.verdict == "data"
+    assert ("sweeps-disagree", termination, True) in {(finding.id, finding.sweep, finding.serious) for finding in found.findings}
+    assert "import them again" in found.following["why"]

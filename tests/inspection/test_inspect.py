@@ -15,7 +15,7 @@ from motoremi.fitting.problem import AS_DECLARED
 from motoremi.fitting.result import summarise
 from motoremi.fitting.search import Found, Solution, Task
 from motoremi.inspection.dispersion import BY_UNIT, fit_laws
-from motoremi.inspection.element import inspect, solve_bilinear
+from motoremi.inspection.element import ElementCurve, inspect, solve_bilinear
 from motoremi.model.effects import find_effect
 
 pytestmark = pytest.mark.slow
@@ -187,8 +187,17 @@ def test_inspection_is_plain_data_and_a_figure():
 
     found, _, _ = needed("dielectric-relaxation@Cf", "Cf", 900)
     plain = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert f"<b>{found.element}" in found._repr_html_()
     assert plain["schema"] == "motoremi.inspection/1"
     (sweep,) = plain["sweeps"]
     assert len(sweep["real"]) == len(sweep["frequency_hz"]) == len(sweep["sigma"]) == FREQUENCY_HZ.size
     figure = found.plot()
     assert [axes.get_ylabel() for axes in figure.axes] == ["capacitance (F)", "loss tangent"]
+
+
+def test_points_at_which_nothing_is_known_are_plain_data_without_a_warning():
+    """`motoremi inspect --json` printed a warning of numpy with a path of the computer."""
+    value = np.array([3 + 4j, np.nan])
+    curve = ElementCurve("short", np.array([1e6, 2e6]), value, np.array([0.1, np.inf]), np.ones(2, dtype=complex))
+    with np.errstate(all="raise"):
+        assert curve.to_dict()["sigma"] == [pytest.approx(0.5), None]

@@ -89,7 +89,7 @@ RELIABLE: Mapping[str, float] = {
     "instrument": 0.95,
     "instrument, an effect unnamed": 0.5,
     "data": 0.6,
-    "the same sweep twice": 0.7,
+    "sweeps that contradict each other": 0.7,
     "a phase that no passive part has": 0.95,
     "exchanged sweeps": 0.95,
     "unexplained": 0.95,

@@ -85,8 +85,8 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
 def _as_close(model: Candidate, best: Fit, base: Fit) -> bool:
     """Whether the circuit that is accepted with another analyser errs little more than those with the declared one.
 
-    The base alone may err more than with a declared analyser that has a specification, within that of the other one: it has no law that large errors
-    could complete. With reflections that err by 0.1 to 0.4 % it erred up to 4.3 times as much.
+    The base alone may err more than with a declared analyser that has a specification, within that of the other one: it has no law that large
+    errors could complete. With reflections that err by 0.1 to 0.4 % it erred up to 4.3 times as much.
 
     Parameters
     ----------

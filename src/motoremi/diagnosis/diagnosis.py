@@ -27,6 +27,7 @@ from motoremi.diagnosis.findings import (
     of_the_noise,
     of_the_resistance,
     of_the_sweeps,
+    repeats_disagree_in,
     shows_nothing,
     the_same_twice,
     wrong_phase_in,
@@ -73,7 +74,7 @@ ABOUT_THE_DATA = frozenset({"wrong-phase", "sweeps-disagree", "interference", "d
 CONTRADICTIONS = {
     "wrong-phase": "a phase that no passive part has",
     "sweeps-exchanged": "exchanged sweeps",
-    "sweeps-disagree": "the same sweep twice",
+    "sweeps-disagree": "sweeps that contradict each other",
 }
 # What was tried beside single effects, by size of the largest sets that were compared.
 TRIED_BESIDE = ("", "", ", nor do two of them", ", nor do two of them, nor a third beside the best two")
@@ -301,7 +302,7 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
         raise BadInput("map must be a function such as the built-in map, or Executor.map")
     search, again = part(progress, 0.0, SEARCH), part(progress, SEARCH, AGAIN)
     with own_processes() if map is None else nullcontext(map) as each:
-        if any(contradicts(fit.measurement) is not None for contradicts in (wrong_phase_in, exchanged_in, the_same_twice)):
+        if any(contradicts(fit.measurement) is not None for contradicts in (wrong_phase_in, exchanged_in, the_same_twice, repeats_disagree_in)):
             # No model will be accepted, unless the base or one effect makes both sweeps those of one motor; the others are ranked for display.
             alone = Declared(judge(fit, search, ONE_EFFECT, each))
             if contradiction_in(fit.measurement, alone.judgement) is not None:
@@ -357,11 +358,12 @@ def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map
 
 
 def contradiction_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
-    """The finding that makes the data useless: a phase that no passive part has, exchanged sweeps, or one sweep under two names.
+    """The finding that makes the data useless: a phase that no passive part has, repeats that differ, exchanged sweeps, or one under two names.
 
     Sweeps are not exchanged if a model describes them as they are.
     """
-    return wrong_phase_in(measurement) or (None if judgement.accepted else exchanged_in(measurement)) or twice_in(measurement, judgement)
+    in_themselves = wrong_phase_in(measurement) or repeats_disagree_in(measurement)
+    return in_themselves or (None if judgement.accepted else exchanged_in(measurement)) or twice_in(measurement, judgement)
 
 
 def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:

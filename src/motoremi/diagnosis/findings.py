@@ -11,6 +11,7 @@ from motoremi.data.analyser import Analyser
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import EXCHANGED, exchanged, measured_twice
 from motoremi.data.moved import student_factor
+from motoremi.data.noise import Noise
 from motoremi.data.plausible import SENTENCES, wrong_phase
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.data.trace_smoothing import Smoothing, smoothing_of
@@ -23,6 +24,10 @@ from motoremi.quantities import percent, show, show_band
 # Drift and correlated noise of so many times the white noise could be mistaken for an effect. Few repeats show their size only within this factor,
 # so they may also be the cause of an error that is so many times as large.
 COULD_PASS = 3.0
+# Repeats of one motor differ less at half of the points, also after the leads were connected anew: those of simulated motors that warm by 0.4 %.
+UNLIKE = 0.1
+# Their difference is averaged over so many neighbouring points, and must be so many times the noise at each; the ratio of a point that is not finite.
+AVERAGED, BEYOND_NOISE, UNLIMITED = 9, 3.0, 1e6
 # An element of the fixture is reported if it is this many standard deviations from zero.
 SEEN = 4.0
 # Standard deviations of noise and analyser by which a resistance is negative, and the share of the points at which it must be.
@@ -293,6 +298,40 @@ def wrong_phase_in(measurement: Measurement) -> Finding | None:
                 _span(sweep.frequency_hz),
             )
     return None
+
+
+def repeats_disagree_in(measurement: Measurement) -> Finding | None:
+    """The finding that repeats of one sweep differ by far more than one motor and its leads change."""
+    for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True):
+        apart = repeats_apart(sweep, noise)
+        if apart > UNLIKE:
+            return Finding(
+                "sweeps-disagree",
+                f"repeats of the {sweep.termination} sweep differ by {percent(100 * apart, 2)} of |Z| (median over the points), neighbouring "
+                "points alike: one of them is of another motor, termination or unit, or a contact was open",
+                "compare the repeats, and import them again without the wrong ones, or measure them again",
+                True,
+                sweep.termination,
+                _span(sweep.frequency_hz),
+            )
+    return None
+
+
+def repeats_apart(sweep: RepeatedSweep, noise: Noise) -> float:
+    """Relative difference of two repeats that is alike over neighbouring points, median over the points; 0 if noise could be as large."""
+    if sweep.repeats < 2:
+        return 0.0
+    with np.errstate(all="ignore"):
+        ratios = np.nan_to_num(sweep.impedance_ohm[1:] / sweep.impedance_ohm[0], nan=0.0, posinf=UNLIMITED, neginf=-UNLIMITED) - 1
+    mean = np.full(min(AVERAGED, sweep.frequency_hz.size), 1 / min(AVERAGED, sweep.frequency_hz.size))
+    alike = max(float(np.median(np.abs(np.convolve(ratio, mean, mode="valid")))) for ratio in ratios)
+    # Of real and imaginary part each, of the mean of the repeats.
+    white = 2 * np.sqrt(sweep.repeats) * float(np.median(noise.sigma))
+    alike = 0.0 if alike < BEYOND_NOISE * white else alike
+    if sweep.moved is None:
+        return alike
+    by_leads = sweep.changes_by_leads * (sweep.moved / student_factor(sweep.repeats - 1))
+    return float(np.hypot(alike, np.median(np.sqrt(2 * np.sum(np.abs(by_leads) ** 2, axis=1)))))
 
 
 def exchanged_in(measurement: Measurement) -> Finding | None:

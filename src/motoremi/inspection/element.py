@@ -9,6 +9,7 @@ elements take the values that they have when this one is free (see `free_element
 from __future__ import annotations
 
 import dataclasses
+import html
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -83,7 +84,7 @@ class ElementCurve:
             "frequency_hz": self.frequency_hz.tolist(),
             "real": listed(self.value.real),
             "imag": listed(self.value.imag),
-            "sigma": listed(self.sigma_relative * np.abs(self.value)),
+            "sigma": listed(np.where(known, self.sigma_relative, 0.0) * np.abs(np.where(known, self.value, 0.0))),
             "model_real": self.model.real.tolist(),
             "model_imag": self.model.imag.tolist(),
             "known": known.tolist(),
@@ -168,6 +169,10 @@ class Inspection:
                 )
             lines.append(f"  {curve.termination:5s} {self.readings[curve.termination]}")
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        head, *rest = repr(self).splitlines()
+        return f"<b>{html.escape(head)}</b><ul>{''.join(f'<li>{html.escape(line.strip())}</li>' for line in rest)}</ul>"
 
     def plot(self) -> Figure:
         """Value and losses over frequency with the uncertainty as a band."""
