@@ -26,7 +26,7 @@ from motoremi.quantities import percent, show, show_band
 COULD_PASS = 3.0
 # Repeats of one motor differ less at half of the points, also after the leads were connected anew: those of simulated motors that warm by 0.4 %.
 UNLIKE = 0.1
-# Their difference is averaged over so many neighbouring points, and must be so many times the noise at each; the ratio of a point that is not finite.
+# Their difference is averaged over so many neighbouring points, and must be so many times the noise at each; the ratio where it is not finite.
 AVERAGED, BEYOND_NOISE, UNLIMITED = 9, 3.0, 1e6
 # An element of the fixture is reported if it is this many standard deviations from zero.
 SEEN = 4.0
