@@ -339,7 +339,7 @@ def test_pairs_without_the_best_effect_are_compared_only_if_that_leaves_much(mea
         compared.append(board)
         return {}
 
-    monkeypatch.setattr(motor_board.MotorBoard, "_leading_pairs", every_pair)
+    monkeypatch.setattr(motor_board.MotorBoard, "leading_pairs", every_pair)
     sweeps, _ = measure(2, hidden)
     with seeking():
         board = motor_board.MotorBoard(me.fit(me.dc_motor(), sweeps))

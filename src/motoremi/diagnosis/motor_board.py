@@ -91,7 +91,7 @@ class MotorBoard:
             trails = self._beside_the_best(found, size - 1)
             solutions = _likeliest_orders([race(trails, SINGLES, (), progress, self._each).solutions])
         else:
-            pairs = {} if self._contain_the_best(found) else self._leading_pairs(found, part(progress, 0.0, 0.8))
+            pairs = {} if self._contain_the_best(found) else self.leading_pairs(found, part(progress, 0.0, 0.8))
             beside = {**self._only_beside(found), **self._beside_the_best(found, 1)}
             races = ((pairs, ARRIVING, part(progress, 0.8, 0.9)), (beside, SINGLES, part(progress, 0.9, 1.0)))
             solutions = _likeliest_orders([race(each, rounds, (), own, self._each).solutions for each, rounds, own in races])
@@ -181,7 +181,7 @@ class MotorBoard:
         labels = own_labels(motor.effects, motor.effects[len(self._base.effects) :])
         return bool(unusual_values(motor, labels, solution.values))
 
-    def _leading_pairs(self, found: Mapping[Key, Candidate], progress: Progress | None) -> Mapping[Key, Trail]:
+    def leading_pairs(self, found: Mapping[Key, Candidate], progress: Progress | None) -> Mapping[Key, Trail]:
         """The best pairs with their current values as start values; few of them share an effect."""
         fitted = {key[0]: one.fit for key, one in found.items() if len(key) == 1}
         # If an effect was fitted with two numbers of parts, the more probable one is used.
