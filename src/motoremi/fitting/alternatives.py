@@ -61,9 +61,13 @@ def _along_laws(fit: Fit) -> list[FloatArray]:
 
 
 def _at_the_frame(fit: Fit) -> list[FloatArray]:
-    """With other paths to the frame of the same capacitance, that resonate at the end of the band or above it."""
+    """With other paths to the frame of the same capacitance, that resonate at the end of the band or above it.
+
+    Only if one of its elements is hardly known: where all are, the sweeps show the resonance.
+    """
     problem = fit.weighed
-    if not {p.name for p in problem.unknowns} >= FRAME:
+    known = {p.name: deviation for p, deviation in zip(problem.unknowns, np.sqrt(np.diag(fit.local_covariance)), strict=True)}
+    if not known.keys() >= FRAME or 2 * max(known[name] for name in FRAME) < APART:
         return []
     seen = fit.parameters
     # The capacitance that the path has together, where the one of the branch is seen.
