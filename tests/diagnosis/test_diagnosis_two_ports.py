@@ -62,7 +62,7 @@ def test_a_network_analyser_is_not_taken_where_the_circuit_alone_errs_by_far_mor
     first = SimpleNamespace(
         base=before, best=SimpleNamespace(fit=before, score=0.0), model=SimpleNamespace(fit=before), acceptance="not", described=False
     )
-    model = SimpleNamespace(fit=SimpleNamespace(rms_error_percent=77.0, analyser_sigma=2.0))
+    model = SimpleNamespace(fit=SimpleNamespace(rms_error_percent=77.0, analyser_sigma=2.0, within_specification=False), added=())
     monkeypatch.setattr("motoremi.diagnosis.declared.Task", lambda motor, measurement, bounds, held: measurement)
     monkeypatch.setattr("motoremi.diagnosis.declared.arrived_on_all", lambda task, starts: task)
     monkeypatch.setattr("motoremi.diagnosis.declared.Found", lambda measurement, history, values: measurement)

@@ -85,8 +85,8 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
 def _as_close(model: Candidate, best: Fit, base: Fit) -> bool:
     """Whether the circuit that is accepted with another analyser errs little more than those with the declared one.
 
-    The base alone may err more than with a declared analyser that has a specification, within that of the other one: it has no law that large
-    errors could complete. With reflections that err by 0.1 to 0.4 % it erred up to 4.3 times as much.
+    The base alone may err more, within that analyser's specification: it has no law that large errors could complete. With reflections that err by
+    0.1 to 0.4 % it erred up to 4.3 times as much.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def _as_close(model: Candidate, best: Fit, base: Fit) -> bool:
     best, base : Fit
         With the declared one.
     """
-    if best.measurement.analyser.named and not model.added:
+    if not model.added and model.fit.within_specification:
         return True
     # An ideal analyser leaves its errors to the effects, so that only the base is compared; so it is if the best effect leaves as much undescribed
     # as the base: it then only takes the place of the analyser's errors.
