@@ -16,6 +16,7 @@ from motoremi.data.declaration import COMPENSATED, refuse_impossible
 from motoremi.data.import_notes import import_notes
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import label_remarks
+from motoremi.data.repeats import UNLIKE
 from motoremi.data.session import Session, SessionWriter, load, refuse_unfinished, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep, checked_accuracy, group_repeats
@@ -256,9 +257,6 @@ def _same_repeats(before: Measurement, after: Measurement) -> bool:
 # points counts: beside a sharp resonance a small shift is a large difference, a motor that has warmed differs mainly where its resistance is seen,
 # and leads that moved change a small part of the band.
 DISAGREEING = 0.02
-# Repeats in new files whose noise is not known differ by this share of |Z| at half of the points only if one is of another motor, termination or
-# unit: noise so large would leave nothing to fit.
-UNLIKE = 0.1
 # Random noise alone must not be taken for a difference: its median over many points is below so many times what is expected at a point.
 OF_NOISE = 3.0
 

@@ -24,6 +24,9 @@ DRIFTING: Parts = ((1.0, 0.15),)
 DRIFT_GAIN = 10.0
 # Probability with which repeats that differ at random, such as after the leads were moved, may pass for a drift.
 BY_CHANCE = 0.1
+# Repeats of one motor differ by less of |Z| at half of the points, also after the leads were connected anew: those of simulated motors that warm by
+# 0.4 %. If they differ by more, one is of another motor, termination or unit: as noise, that would leave nothing to fit.
+UNLIKE = 0.1
 # Largest ratio of correlated to white noise that is considered.
 MOST_CORRELATED = 100.0
 

@@ -112,8 +112,9 @@ class Candidate:
         """The unusual values in a line of text, and which resonances are none."""
         units = {parameter.name: parameter.unit for parameter in self.fit.motor.parameters}
         values = [f"{name} = {show(self.fit.parameters[name], units[name])}" for name in self.unusual]
-        overdamped = [one for one in sorted(own_labels(self.fit.effects, self.added)) if _is_overdamped(one, self.fit.motor, self.fit.parameters)]
-        loops = [one for one in sorted(own_labels(self.fit.motor.effects, self.added)) if f"{one}.skin_hz" in self.unusual]
+        labels = sorted(own_labels(self.fit.effects, self.added))
+        overdamped = [one for one in labels if _is_overdamped(one, self.fit.motor, self.fit.parameters)]
+        loops = [one for one in labels if f"{one}.skin_hz" in self.unusual]
         return ", ".join(
             [
                 *values,

@@ -13,6 +13,7 @@ from motoremi.data.mislabelled import EXCHANGED, exchanged, measured_twice
 from motoremi.data.moved import student_factor
 from motoremi.data.noise import Noise
 from motoremi.data.plausible import SENTENCES, wrong_phase
+from motoremi.data.repeats import UNLIKE
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.data.trace_smoothing import Smoothing, smoothing_of
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
@@ -24,9 +25,7 @@ from motoremi.quantities import percent, show, show_band
 # Drift and correlated noise of so many times the white noise could be mistaken for an effect. Few repeats show their size only within this factor,
 # so they may also be the cause of an error that is so many times as large.
 COULD_PASS = 3.0
-# Repeats of one motor differ less at half of the points, also after the leads were connected anew: those of simulated motors that warm by 0.4 %.
-UNLIKE = 0.1
-# Their difference is averaged over so many neighbouring points, and must be so many times the noise at each; the ratio where it is not finite.
+# The difference of repeats is averaged over so many neighbouring points, and must be so many times the noise at each; a ratio that is not finite.
 AVERAGED, BEYOND_NOISE, UNLIMITED = 9, 3.0, 1e6
 # An element of the fixture is reported if it is this many standard deviations from zero.
 SEEN = 4.0
