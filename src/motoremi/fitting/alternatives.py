@@ -19,6 +19,7 @@ from motoremi.fitting.polish import polish
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit, on_fits
 from motoremi.fitting.search import ARRIVAL_POINTS, AS_PROBABLE, CLOSE, misses_by_far
+from motoremi.fitting.starts import resonant_frame
 from motoremi.model.motor import BASE_PARAMETERS
 from motoremi.threads import one_blas_thread
 
@@ -71,14 +72,14 @@ def _at_the_frame(fit: Fit) -> list[FloatArray]:
         return []
     seen = fit.parameters
     # The capacitance that the path has together, where the one of the branch is seen.
-    middle = 2 * np.pi * np.sqrt(problem.observed.frequency_hz.min() * problem.observed.frequency_hz.max())
+    lowest, highest = (float(end) for end in (problem.observed.frequency_hz.min(), problem.observed.frequency_hz.max()))
+    middle = 2 * np.pi * np.sqrt(lowest * highest)
     branch = 1 / (seen["Rr"] + 1j * (middle * seen["Lr"] - 1 / (middle * seen["Cr"])))
     whole = seen["Cf"] + max(float(branch.imag / middle), 0.0)
-    starts = []
-    for multiple, share, quality in product(RESONANCES, CR_SHARES, QUALITIES):
-        cr = share * whole
-        lr = 1 / (cr * (2 * np.pi * multiple * problem.observed.frequency_hz.max()) ** 2)
-        starts.append({**seen, **fit.nuisance, "Cr": cr, "Cf": whole - cr, "Lr": lr, "Rr": np.sqrt(lr / cr) / quality})
+    starts = [
+        {**seen, **fit.nuisance, **resonant_frame(whole, share, multiple * highest, quality)}
+        for multiple, share, quality in product(RESONANCES, CR_SHARES, QUALITIES)
+    ]
     coarse = fit.task.likelihood(ARRIVAL_POINTS, fit.sizes)
     ends = polish(coarse, coarse.vectors(starts), iterations=STEPS, precision=CLOSE)
     near = ends.u[ends.objective <= _level(fit, coarse)]
@@ -92,10 +93,10 @@ def _level(fit: Fit, problem: Problem) -> float:
 
 def _allowed(fit: Fit, held: Mapping[str, float], near: Sequence[Mapping[str, float]]) -> list[FloatArray]:
     """The steps to solutions on all points near these ones, if they are about as probable and not near the solution of the fit."""
-    problem = dataclasses.replace(fit.task, held=held).likelihood(None, fit.sizes)
     starts = [values for values in near if _far_or_apart(fit, _steps(fit, [values]))[0].any()]
     if not starts:
         return []
+    problem = dataclasses.replace(fit.task, held=held).likelihood(None, fit.sizes)
     ends = polish(problem, problem.vectors(starts), iterations=STEPS, precision=CLOSE)
     steps = _steps(fit, [problem.named(u) for u in ends.u])
     rise = fit.weighed.objective(fit.unknowns + steps) - fit.objective

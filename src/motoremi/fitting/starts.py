@@ -125,11 +125,15 @@ def frames_across_the_band(parameters: Mapping[str, float], measurement: Measure
     starts = []
     for resonance_hz in np.geomspace(max(lowest, highest / _DECADE_AND_HALF), highest, _PLACES):
         for share in (0.3, 0.7):
-            cr = share * capacitance_f
-            lr = 1 / ((2 * np.pi * resonance_hz) ** 2 * cr)
-            for quality in (2.0, 8.0):
-                starts.append({**parameters, "Cr": cr, "Cf": capacitance_f - cr, "Lr": float(lr), "Rr": float(np.sqrt(lr / cr) / quality)})
+            starts += [{**parameters, **resonant_frame(capacitance_f, share, float(resonance_hz), quality)} for quality in (2.0, 8.0)]
     return starts
+
+
+def resonant_frame(capacitance_f: float, share: float, resonance_hz: float, quality: float) -> dict[str, float]:
+    """A path to the frame of a capacitance, of which Cr has a share, whose branch has a resonance and a quality; SI units."""
+    cr = share * capacitance_f
+    lr = 1 / ((2 * np.pi * resonance_hz) ** 2 * cr)
+    return {"Cr": cr, "Cf": capacitance_f - cr, "Lr": lr, "Rr": float(np.sqrt(lr / cr)) / quality}
 
 
 def _neutral_frame(capacitance_f: float, measurement: Measurement) -> dict[str, float]:
