@@ -7,6 +7,7 @@ import html
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from math import inf
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from motoremi.arrays import JsonDict, Progress
@@ -345,8 +346,10 @@ def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map
     if left_percent <= 100 * PLAIN:
         return declared
     closest_percent = judgement.closest_found.fit.rms_error_percent
-    whole = whole_machine(judgement.base, each, part(progress, 0.0, 0.5))
-    if left_percent > SEVERAL_PERCENT and (whole is None or whole.fit.rms_error_percent > SEVERAL_PERCENT):
+    with_modes = left_percent > SEVERAL_PERCENT
+    # Modes may begin at any parts; without them only parts that come closer are of use.
+    whole = whole_machine(judgement.base, each, part(progress, 0.0, 0.5), inf if with_modes else closest_percent)
+    if with_modes and (whole is None or whole.fit.rms_error_percent > SEVERAL_PERCENT):
         whole = machine_with_modes(judgement.base, whole, each, part(progress, 0.5, 1.0)) or whole
     if whole is None:
         return declared

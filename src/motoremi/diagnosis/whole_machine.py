@@ -47,7 +47,7 @@ FINISHED = 3
 WHOLE = Rounds((Round(60, 8, ALL, ALL), Round(60, 20, 120, ALL), Round(60, 40, 40, ALL), Round(80, 60, 8, ALL)), 2, 80)
 
 
-def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None) -> Candidate | None:
+def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None, most_percent: float = np.inf) -> Candidate | None:
     """The model with all ordinary parts that the sweeps need; None if it has no more than two.
 
     Parameters
@@ -57,6 +57,8 @@ def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None) 
     each : callable
         As the built-in `map`.
     progress : callable, optional
+    most_percent : float
+        None too if the circuit errs by more than this with all parts: without some of them it errs no less.
     """
     possible = set(possible_effects(base)) - set(base.effects)
     ordinary = [name for name in (*ALWAYS, *(row[0] for row in LOSSES)) if name in possible]
@@ -65,9 +67,18 @@ def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None) 
     reached = race(trails, WHOLE, (), progress, each).reached
     best_sets = sorted(reached, key=lambda names: reached[names].best)[:FINISHED]
     leading = [_by_evidence([_near(base, names, start) for start in reached[names].starts], each)[0] for names in best_sets]
-    ends = [_needed(base, _with_likeliest_losses(base, one, possible, each), each) for one in leading]
+    whole = [_with_likeliest_losses(base, one, possible, each) for one in leading]
+    ends = [_needed(base, one, each) for one in whole if _error_percent(*one) <= most_percent]
+    if not ends:
+        return None
     found = max(ends, key=lambda end: end[1].log_evidence + prior_of_set(base, len(_names(base, end[0]))))
     return candidate(on_all_points((*found, base)), base) if len(_names(base, found[0])) > 2 else None
+
+
+def _error_percent(trail: Trail, solution: Solution) -> float:
+    """Relative error of the circuit alone, rms in percent."""
+    relative = trail.task.relative()
+    return float(100 * np.sqrt(relative.objective(relative.vector(solution.values)) / relative.size))
 
 
 def _scattered(base: Fit, names: Effects) -> Trail:
