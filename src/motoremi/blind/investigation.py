@@ -7,6 +7,7 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from typing import TypeAlias
 
 import numpy as np
@@ -63,7 +64,8 @@ class ThisSoftware:
         return Assessment(
             rivals.by_label,
             tuple(Offer.of(one) for one in listed if one.get("asks")),
-            lambda: _answer(found.informed_by(measurement)),
+            # Several policies may end with this evidence.
+            cache(lambda: _answer(found.informed_by(measurement))),
             str(question["stop"] or ""),
             tuple(taught.id.partition("=")[0] for taught in rivals.taught if taught.mistakes) + _mislabelled(measurement),
             took,

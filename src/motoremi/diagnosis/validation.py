@@ -9,6 +9,7 @@ other whatever the model.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -44,6 +45,8 @@ class Validation:
         return {"bands": self.bands - other.bands, "short_to_open": across}
 
 
+# Cached: an investigation asks for the same two fits after each measurement.
+@lru_cache(maxsize=4)
 def cross_validated(fit: Fit) -> Validation:
     """Leave out blocks of a fit's data, one after the other."""
     problem = fit.weighed
