@@ -23,7 +23,7 @@ from motoremi.diagnosis.findings import (
     of_the_resistance,
     shows_nothing,
 )
-from motoremi.diagnosis.held_values import of_the_held
+from motoremi.diagnosis.held_values import of_the_held, of_the_held_beside_an_effect
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
 
@@ -141,3 +141,19 @@ def test_a_held_value_that_the_sweeps_deny_is_the_finding() -> None:
     assert not of_the_held(held["right"])
     lossy = [me.ImpedanceSweep(s.termination, frequency, s.impedance_ohm + 0.2 * np.sqrt(frequency / 1e6)) for s in sweeps]
     assert not of_the_held(me.fit(me.dc_motor(), lossy, analyser="none", held={"Ra": ohm["off"]}))
+
+
+@pytest.mark.slow
+def test_a_held_value_is_blamed_beside_an_effect_too() -> None:
+    """A leaking insulation, and Ra held at twice its value: no effect describes both, and the analyser was blamed."""
+    rng, frequency = np.random.default_rng(2), np.geomspace(1e3, 30e6, 61)
+    short, frame = (impedance(DAMPED, name, frequency) for name in ("short", "open"))
+    frame = 1 / (1 / (frame - short) + 1 / 20e3)
+    sweeps = [
+        me.ImpedanceSweep(name, frequency, z * (1 + 1e-4 * complex_normal(rng, 61))) for name, z in (("short", short), ("open", short + frame))
+    ]
+    fits = {factor: me.fit(me.dc_motor(), sweeps, analyser="none", held={"Ra": factor * DAMPED["Ra"]}) for factor in (2, 1)}
+    (finding,) = of_the_held_beside_an_effect(fits[2])
+    assert finding.id == "held-value"
+    assert "the circuit with insulation-leakage@Cf leaves nothing" in finding.why
+    assert not of_the_held_beside_an_effect(fits[1])

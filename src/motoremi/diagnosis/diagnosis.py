@@ -33,7 +33,7 @@ from motoremi.diagnosis.findings import (
     the_same_twice,
     wrong_phase_in,
 )
-from motoremi.diagnosis.held_values import of_the_held
+from motoremi.diagnosis.held_values import of_the_held, of_the_held_beside_an_effect
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
 from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, distributed, judge, of_the_analyser_alone
 from motoremi.diagnosis.machine_modes import machine_in_words, machine_with_modes
@@ -322,7 +322,7 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     judgement = informed(declared.judgement, rivals)
     against = contradiction_in(searched.fit.measurement, declared.judgement)
     left = None if judgement.accepted or against is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
-    findings = (*(() if against is None else (against,)), *_findings(searched.fit, declared, left), *of_the_operator(rivals))
+    findings = (*(() if against is None else (against,)), *_findings(searched.fit, declared, left, each), *of_the_operator(rivals))
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, against), searched=searched)
 
 
@@ -406,7 +406,7 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
     return None if everything.marginal.nothing_left >= 0.5 else found
 
 
-def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Finding, ...]:
+def _findings(fit: Fit, declared: Declared, left: Remainder | None, each: Map = map) -> tuple[Finding, ...]:
     judgement = declared.judgement
     found = (
         of_the_noise(judgement.base, 0.0 if judgement.accepted else judgement.closest_found.fit.unexplained_percent["value"])
@@ -414,7 +414,10 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None) -> tuple[Fin
         + of_the_analyser(judgement.model.fit, judgement.accepted)
         + of_the_sweeps(left)
     )
-    found += of_the_held(judgement.base) + of_the_labels(fit.measurement)
+    held = of_the_held(judgement.base)
+    if not held and (not judgement.accepted or any(one.serious and one.id == "beyond-specification" for one in found)):
+        held = of_the_held_beside_an_effect(judgement.base, each)
+    found += held + of_the_labels(fit.measurement)
     found += of_the_amount(fit, (judgement.model if judgement.accepted else judgement.closest).fit)
     if judgement.accepted and not judgement.named:
         found += of_the_hardly_seen(judgement.model.fit)
