@@ -84,6 +84,8 @@ class Effect:
         Terminations without whose sweep it is not sought.
     less_than : mapping
         Parameters that are smaller than an element of the motor, which would otherwise have exchanged places with the effect.
+    exchange : callable, optional
+        From its parameters by short name and the motor's elements: the values of all that change if both exchange places.
     damping_ratio : callable, optional
         That of its resonance, which `resistance_ohm` damps, from its parameters by short name. Above 1 nothing resonates: such values are unusual.
     within : callable, optional
@@ -126,6 +128,7 @@ class Effect:
     excludes: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     less_than: Mapping[str, str] = field(default_factory=dict)
+    exchange: Callable[[Mapping[str, float]], Mapping[str, float]] | None = None
     damping_ratio: Callable[[Mapping[str, float]], float] | None = None
     within: Callable[[Mapping[str, float]], float] | None = None
     odds: float = 1.0

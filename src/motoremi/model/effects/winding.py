@@ -35,6 +35,21 @@ def _second_resonance(motor: Motor, place: str, parameters: Mapping[str, Paramet
     return motor.with_first_turns(Leaf("cell", laws.resonant_cell, tuple(parameters.values())))
 
 
+def _cell_as_winding(values: Mapping[str, float]) -> dict[str, float]:
+    """A cell and the winding that have exchanged places: each has the other's resonance, and at it the other's resistance."""
+    cell, w = values["inductance_h"], 2 * np.pi * values["resonance_hz"]
+    winding, own = values["La"], 1 / np.sqrt(values["La"] * values["Ca"])
+    return {
+        "La": cell,
+        "Ca": 1 / (w**2 * cell),
+        "Ra": (w * cell) ** 2 / values["resistance_ohm"],
+        "inductance_h": winding,
+        "resonance_hz": own / (2 * np.pi),
+        "resistance_ohm": (own * winding) ** 2 / values["Ra"],
+        "series_share": 0.0,
+    }
+
+
 def _distributed(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
     return dataclasses.replace(motor, distribution=parameters["share"])
 
@@ -258,6 +273,7 @@ EFFECTS = (
         repeatable=True,
         reader=rational_starts.second_cell,
         less_than={"inductance_h": "La"},
+        exchange=_cell_as_winding,
         damping_ratio=lambda own: np.pi * own["resonance_hz"] * own["inductance_h"] / own["resistance_ohm"],
         responds={"end-turn-touched": {"resonance_hz": 0.97}},
         seen_as=("inductance-resonance", "cell"),
