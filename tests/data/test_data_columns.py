@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from motoremi.data.columns import find_columns, unit_trouble, with_units
+from motoremi.data.columns import find_columns, unit_trouble, with_units, without_description
 from motoremi.data.table import Table
 
 
@@ -143,3 +143,15 @@ def test_units_that_the_user_gives() -> None:
     assert told == ("units as given: FREQ in kHz, Z in mOhm, PHASE in deg",)
     assert with_units(table("f [Hz]"), {"f": "kHz"}) == (table("f [Hz]"), ())
     assert "unit 'furlong'" in unit_trouble(with_units(table("f", "Z"), {"Z": "furlong"})[0])
+
+
+@pytest.mark.parametrize("words", ["Coil of 4.7 uH - ", "Columns: ", "Part 12-3: measured – "])
+def test_words_before_the_first_name_are_no_part_of_it(words: str) -> None:
+    """As in the last comment of a published file, `# ... inductor impedance - f, Re(Z), Im(Z)`."""
+    described = without_description(table(f"{words}f (Hz)", "Re(Z) (Ohm)", "Im(Z) (Ohm)"))
+    assert set(find_columns(described)) == {"frequency", "resistance", "reactance"}
+
+
+def test_a_first_name_with_a_dash_in_it_stays() -> None:
+    for title in ("frequency - Hz", "Trace 1: Impedance: Magnitude (Ohm)", "Point - number"):
+        assert without_description(table(title, "R (Ohm)")).columns[0] == title

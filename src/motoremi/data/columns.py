@@ -31,6 +31,8 @@ _ZNB_TRACE = re.compile(r"^(re|im|mag|db|ang)\s*:\s*Trc[0-9]+_([^<\s]+)(?:<-S11)
 _MINUS = re.compile(r"^[-−–]\s*")
 # The detector of the lowest levels; without its minus it would be that of the highest.
 _NEGATIVE_PEAK = re.compile(r"\bpk-(?=$|[\s_(\[])", re.IGNORECASE)
+# Words before the first name.
+_DESCRIBED = re.compile(r"^.*(?::|\s[-–—])\s+")
 _LONGEST_TITLE = 80
 # With this begins what the metadata say of units that the user gives.
 UNITS_GIVEN = "units as given: "
@@ -224,6 +226,14 @@ def complex_titles(title: str) -> tuple[str, str] | None:
     minus = "-" if known.sign < 0 else ""
     real, imaginary = _PARTS[known.name]
     return f"{minus}{real} {known.unit}".strip(), f"{minus}{imaginary} {known.unit}".strip()
+
+
+def without_description(table: Table) -> Table:
+    """The table without words that stand before the first name and end with a colon or a dash, as in `# Coil of 5 uH - f, Re(Z), Im(Z)`."""
+    first, *others = table.columns
+    rest = _DESCRIBED.sub("", first)
+    known = bool(meanings_of(rest)) and not meanings_of(first)
+    return replace(table, columns=(rest, *others)) if known else table
 
 
 def with_units(table: Table, units: Mapping[str, str]) -> tuple[Table, tuple[str, ...]]:

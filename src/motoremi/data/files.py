@@ -12,7 +12,7 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.agilent_ascii import is_agilent_ascii, parse_agilent_ascii
 from motoremi.data.analyser_csv import is_analyser_csv, plain_table
-from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble, with_units
+from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble, with_units, without_description
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, in_rising_order
@@ -150,7 +150,7 @@ def _readings(
     if is_receiver_dat(text) or is_keysight_trace(text):
         raise WrongKind(f"{name}: is the spectrum of a receiver, but an impedance sweep is needed here")
     table, kind = table_of_other_program(text, name) or (parse_table(text, name), "csv")
-    table, given = with_units(table, units)
+    table, given = with_units(without_description(table), units)
     readings = []
     for part in _sweeps_in(table, termination):
         rows, header, title = _rows_of_table(part, termination, band)
