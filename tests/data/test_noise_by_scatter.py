@@ -83,3 +83,22 @@ def test_intervals_from_single_sweeps_hold_the_truth(law):
         held.append([abs(np.log(fit.parameters[name] / value)) < 1.96 * fit.sigma[name] / value for name, value in ELEMENTS.items()])
     # Three standard deviations of 20 draws below 95 %.
     assert np.mean(held, axis=0).min() >= 0.8
+
+
+def test_noise_that_grows_towards_the_low_end_is_seen_in_sweeps_of_equal_distances():
+    """A coil of 1.4 uH from 50 kHz to 30 MHz: below 300 kHz, at nine points of 1023, the reflection scatters eight times as much."""
+    frequency = np.linspace(50e3, 30e6, 1023)
+    true = 0.1 + 2j * np.pi * frequency * 1.4e-6
+    reflection = (true - 50) / (true + 50)
+    sigma = np.where(frequency < 300e3, 4e-3, 5e-4)
+    ratios = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        read = reflection + sigma * (rng.normal(size=true.size) + 1j * rng.normal(size=true.size))
+        (sweep,) = group_repeats([ImpedanceSweep("short", frequency, 50 * (1 + read) / (1 - read))])
+        # A reflection changes Z by so much of itself.
+        seen = estimate_noise(sweep, Reflection()).sigma / np.abs((true + 50) ** 2 / (100 * true))
+        ratios.append(seen / sigma)
+    typical = np.median(ratios, axis=0)
+    assert 0.4 < np.median(typical[:6]) < 1.6
+    assert np.median(typical[50:]) == pytest.approx(1.0, abs=0.1)

@@ -23,6 +23,10 @@ WINDOW = 10
 KEPT = 0.67
 # Points of the running median, and the largest correction of the variance: more is the curve, not the noise.
 NEIGHBOURS, MOST_CORRECTED = 31, 9.0
+# They are no further than this ratio of frequencies, which matters at the low end of points at equal distances only; there the variance may be
+# corrected by the second number. Towards the end of its range a network analyser loses its signal in coupling capacitors and transformers: sweeps
+# of a NanoVNA from 50 kHz, of 1023 points to 25 or 30 MHz, scatter by 3 to 9 times as much at the first nine points as at the others.
+REACH, MOST_AT_THE_END = 2.0, 100.0
 # Points whose residuals are larger than those of this share of windows with noise alone do not count for the law. The running median restores its
 # size, so only its shape depends on them.
 USED = 0.9
@@ -65,9 +69,22 @@ def noise_by_scatter(frequency_hz: FloatArray, domain: Domain, rounding: FloatAr
         used = squares <= largest * max(float(np.median(squares)) / median, 1.0)
         sigma = np.sqrt(fitted_by_law((squares / freedom * sigma[at] ** 2)[used], domain.law, at[used], known))
     squares = _squares(equations, (sigma * domain.of_rational)[windows] / size)
-    typical = np.interp(np.arange(count), at, median_filter(squares, size=min(NEIGHBOURS, at.size), mode="nearest") / median)
-    sigma = np.maximum(sigma * np.sqrt(np.minimum(typical, MOST_CORRECTED)), SMALLEST_SIGMA)
+    typical = np.interp(np.arange(count), at, _correction(squares / median, frequency_hz[at]))
+    sigma = np.maximum(sigma * np.sqrt(typical), SMALLEST_SIGMA)
     return np.minimum(sigma, MOST_OF_COARSE) if count < COARSE else sigma
+
+
+def _correction(squares: FloatArray, frequency_hz: FloatArray) -> FloatArray:
+    """The running median of the squares over `NEIGHBOURS` points, without those beyond `REACH`, and no more than the noise can be, shape (n,)."""
+    found = np.minimum(median_filter(squares, size=min(NEIGHBOURS, squares.size), mode="nearest"), MOST_CORRECTED)
+    place, half = np.arange(squares.size), NEIGHBOURS // 2
+    last = np.searchsorted(frequency_hz, frequency_hz * REACH, side="right")
+    # Of points at equal ratios as many are within reach everywhere.
+    few = last - place < np.median(last - place) / 2
+    for index in np.flatnonzero(few & (last <= np.minimum(place + half, squares.size - 1))):
+        first = max(index - half, int(np.searchsorted(frequency_hz, frequency_hz[index] / REACH)))
+        found[index] = min(float(np.median(squares[first : last[index]])), MOST_AT_THE_END)
+    return found
 
 
 def _equations(frequency_hz: FloatArray, values: ComplexArray, windows: IntArray, at: IntArray) -> tuple[LocalEquations, FloatArray]:
