@@ -12,10 +12,11 @@ import motoremi as me
 from motoremi.blind.cases import Case
 from motoremi.diagnosis.belief import acceptance_of, believe
 from motoremi.diagnosis.candidates import Candidate, changed_elements, prior_of_effects, unusual_values
+from motoremi.diagnosis.diagnosis import commonest_of_the_closest_first
 from motoremi.diagnosis.judgement import Judgement, decided, distributed, judge
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
-from motoremi.model.effects import find_effect
+from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.motor import dc_motor
 
 
@@ -31,7 +32,12 @@ def left(percent: float, error_percent: float, analyser_sigma: float) -> SimpleN
         marginal=SimpleNamespace(nothing_left=0.0),
         explained=False,
         within_specification=False,
-        measurement=SimpleNamespace(accuracy_percent=None, good_enough_percent=0.1, analyser=SimpleNamespace(named=False, by_waves=False)),
+        measurement=SimpleNamespace(
+            accuracy_percent=None,
+            good_enough_percent=0.1,
+            analyser=SimpleNamespace(named=False, by_waves=False),
+            terminations=("short", "open"),
+        ),
     )
 
 
@@ -137,6 +143,8 @@ def test_a_further_effect_that_leaves_as_much_is_not_needed(second_leaves, best)
             added=("permeability-relaxation", "eddy-laminations"), score=500.0, fit=left(second_leaves, 39.0, 21.0), leaves_nothing=False
         ),
     }
+    for one in found.values():
+        one.fit.measurement.analyser.named = True
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
     assert judgement.best.added == best
 
@@ -609,3 +617,109 @@ def test_of_an_analyser_without_a_name_the_circuit_that_comes_closer_is_taken(na
     assert decision.accepted
     assert effects in decision.named
     assert (decision.absorbing_instead is None) == named
+
+
+def of_a_winding_alone(*models: SimpleNamespace) -> dict[tuple[str, ...], SimpleNamespace]:
+    """As `of`, for one short-circuit sweep."""
+    found = of(*models)
+    for one in found.values():
+        one.fit.measurement.terminations = ("short",)
+    return found
+
+
+def test_of_a_winding_alone_what_is_commonest_is_named_first_in_its_family():
+    """A core with four turns: a choke of the same ferrite beside a winding errs a little less than a winding with a core."""
+    models = (
+        model((), 0.0, 75.8, 74.0),
+        model(("suppressor-choke",), 600.0, 3.07, 3.0),
+        model(("permeability-relaxation",), 560.0, 3.84, 3.7),
+        model(("core-loss",), 500.0, 13.0, 12.0),
+    )
+    found = of_a_winding_alone(*models)
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert judgement.named == ("permeability-relaxation",)
+    assert judgement.families == {"permeability-relaxation": ("suppressor-choke",)}
+    for one in models:
+        one.fit.measurement.terminations = ("short", "open")
+    assert decided(found[()].fit, found).named == ("suppressor-choke",)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("error_of_both", "named"), [(0.13, ("skin-effect", "dielectric-loss@Ca")), (0.3, ("permeability-relaxation",))])
+def test_losses_of_copper_and_insulation_come_before_a_core_that_describes_a_winding_no_better(error_of_both, named, monkeypatch):
+    """Five turns in air: two effects, but no coincidence, and the likelihood of assumed errors of an analyser does not decide."""
+    found = of_a_winding_alone(
+        model((), 0.0, 1.23, 1.2),
+        model(("permeability-relaxation",), 560.0, 0.126, 0.12),
+        model(("skin-effect",), 100.0, 0.42, 0.42),
+        model(("dielectric-loss@Ca",), 90.0, 0.82, 0.8),
+        model(("skin-effect", "dielectric-loss@Ca"), 500.0, error_of_both, error_of_both),
+    )
+    for key in (("permeability-relaxation",), ("dielectric-loss@Ca", "skin-effect")):
+        one = found[key]
+        one.fit.marginal.nothing_left, one.done, one.leaves_nothing, one.fit.explained = 1.0, True, True, True
+    monkeypatch.setattr(Candidate, "unusual", ())
+    found = {key: Candidate(one.added, one.fit, one.score, ()) if len(key) == 2 else one for key, one in found.items()}
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert judgement.named == named
+    if len(named) == 2:
+        assert judgement.probability == pytest.approx(0.5, abs=0.01)
+        assert judgement.instead_of_every_winding is found[("permeability-relaxation",)]
+
+
+@pytest.mark.parametrize(("analyser_is_named", "needed"), [(True, True), (False, False)])
+def test_what_little_an_effect_leaves_is_no_further_error_of_an_analyser_without_a_name(analyser_is_named, needed):
+    """A drum core: a gain error takes 0.036 % to 0.018 %, and the sizes of such errors are estimated from the sweep anyway."""
+    core, both = ("dielectric-relaxation@Ca",), ("dielectric-relaxation@Ca", "gain-error")
+    one, two = model(core, 300.0, 0.756, 0.036, analyser_sigma=55.0), model(both, 330.0, 0.571, 0.018, analyser_sigma=43.0)
+    found = of(model((), 0.0, 22.0, 21.0), one, two)
+    for one in found.values():
+        one.fit.measurement.analyser.named = analyser_is_named
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert (judgement.best.added == both) == needed
+
+
+@pytest.mark.parametrize(("quality", "overdamped"), [(0.4, True), (0.67, False)])
+def test_a_winding_that_does_not_resonate_is_none_that_is_coupled(quality, overdamped):
+    label = "field-coupling"
+    motor = add_effects(dc_motor(), [label])
+    own = {f"{label}.coupling": 0.3, f"{label}.resonance_hz": 2.5e6, f"{label}.quality": quality}
+    # However little the sweep says about its damping: without a resonance it is a loss, which has other causes.
+    said = unusual_values(motor, {label}, own, {name: 10 * value for name, value in own.items()})
+    assert bool(said) == overdamped
+
+
+def test_where_nothing_is_accepted_the_commonest_of_the_closest_effects_is_shown_first():
+    """A drum core to 200 kHz: a shorted turn and a cage come as close as its own losses."""
+    ranked = [
+        model(("shorted-turn",), 0.0, 0.416, 0.35),
+        model(("eddy-laminations",), 0.0, 0.459, 0.4),
+        model(("skin-effect",), 0.0, 0.464, 0.4),
+        model(("dielectric-loss@Ca",), 0.0, 0.9, 0.8),
+    ]
+    names = [one.effect for one in commonest_of_the_closest_first(ranked)]  # type: ignore[arg-type]
+    assert names == ["skin-effect", "eddy-laminations", "shorted-turn", "dielectric-loss@Ca"]
+
+
+def test_a_circuit_that_only_large_errors_of_the_analyser_complete_leaves_something():
+    """A core of ferrite: core loss and a gain error of 30 % leave 3.8 %, which the likelihood gives to the analyser; a relaxing core errs less."""
+    found = of(
+        model((), 0.0, 65.8, 65.0),
+        model(("core-loss",), 500.0, 12.5, 11.0),
+        model(("permeability-relaxation",), 497.0, 3.67, 2.9),
+        model(("core-loss", "gain-error"), 560.0, 5.75, 3.8, analyser_sigma=8.8),
+    )
+    found[("core-loss", "gain-error")].fit.marginal.nothing_left = 0.8
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert judgement.named == ("permeability-relaxation",)
+
+
+@pytest.mark.parametrize("of_waves", [False, True])
+def test_a_further_effect_that_takes_the_circuit_further_away_is_not_needed_beside_assumed_errors(of_waves):
+    """A drum core on an analyser that nobody named: what a choke beside a relaxing capacitance takes is what the analyser was assumed to do."""
+    core, both = ("dielectric-relaxation@Ca",), ("dielectric-relaxation@Ca", "suppressor-choke")
+    one, two = model(core, 300.0, 0.618, 0.42, analyser_sigma=40.0), model(both, 900.0, 1.14, 0.14, analyser_sigma=0.7)
+    found = of(model((), 0.0, 17.0, 17.0), one, two)
+    for each in found.values():
+        each.fit.measurement.analyser.by_waves = of_waves
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.best.added == (both if of_waves else core)

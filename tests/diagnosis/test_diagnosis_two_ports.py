@@ -68,7 +68,8 @@ def test_a_network_analyser_is_not_taken_where_the_circuit_alone_errs_by_far_mor
     monkeypatch.setattr("motoremi.diagnosis.declared.Found", lambda measurement, history, values: measurement)
     monkeypatch.setattr("motoremi.diagnosis.declared.summarise", lambda task, measurement, method, seed: fitted(measurement, 100.0))
     monkeypatch.setattr(
-        "motoremi.diagnosis.declared.judge", lambda *given: SimpleNamespace(best=SimpleNamespace(score=100.0), model=model, accepted=True)
+        "motoremi.diagnosis.declared.judge",
+        lambda *given: SimpleNamespace(best=SimpleNamespace(score=100.0), model=model, accepted=True, named=()),
     )
     assert likeliest(first).instead is None  # type: ignore[arg-type]
     model.fit.rms_error_percent = 31.0

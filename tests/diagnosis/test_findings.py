@@ -157,3 +157,14 @@ def test_a_held_value_is_blamed_beside_an_effect_too() -> None:
     assert finding.id == "held-value"
     assert "the circuit with insulation-leakage@Cf leaves nothing" in finding.why
     assert not of_the_held_beside_an_effect(fits[1])
+
+
+def test_sweeps_of_which_an_effect_is_named_show_a_circuit(monkeypatch):
+    """Two terms of the permeability of a bead: none of their values is known by itself, and both together are beyond doubt."""
+    monkeypatch.setattr("motoremi.diagnosis.findings.shows_nothing", lambda fit: True)
+    sweep = SimpleNamespace(frequency_hz=np.geomspace(1e6, 1e9, 201), termination="short")
+    fit = SimpleNamespace(measurement=SimpleNamespace(sweeps=[sweep], terminations=("short",)), exchange=None)
+    for named in (False, True):
+        said = " ".join(finding.why for finding in of_the_amount(fit, fit, named))  # type: ignore[arg-type]
+        assert ("show no circuit" in said) != named
+        assert "no open-circuit sweep" in said

@@ -349,3 +349,12 @@ def test_pairs_without_the_best_effect_are_compared_only_if_that_leaves_much(mea
     assert all(best.effect in one.added for one in pairs)
     assert bool(compared) == all_pairs
     assert (best.left_share > motor_board.MOST_LEFT) == all_pairs
+
+
+def test_an_effect_at_places_where_it_is_the_same_circuit_is_refitted_once():
+    """In the short-circuit sweep a capacitor across the terminals is one to the frame; a loss angle of other insulation is another effect."""
+    evidence = {"suppressor-capacitor": 7.0, "suppressor-capacitor@frame": 7.0, "suppressor-capacitor@pair": 6.99, "core-loss": 6.98}
+    evidence |= {"dielectric-loss@Ca": 5.0, "dielectric-loss@Cf": 3.0}
+    solutions = {(name,): SimpleNamespace(log_evidence=value) for name, value in evidence.items()}
+    kept = [key[0] for key in motor_board._unlike(solutions)]  # type: ignore[arg-type]
+    assert kept == ["suppressor-capacitor", "core-loss", "dielectric-loss@Ca", "dielectric-loss@Cf"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,6 +35,8 @@ UNSURE = 2.0
 CLEARLY_OTHER = 0.2
 # Parts that have the impedance of an element.
 LIKE_PART = {"Ca": "a capacitor across the terminals", "Cr": "a capacitor to the frame", "Cf": "a capacitor to the frame"}
+# Parameters that damp a resonance (`Effect.damping_ratio`).
+DAMPING = ("resistance_ohm", "quality")
 # Parameters whose lower bound means zero (a lead or a capacitor below 1 mOhm): being at that bound costs nothing.
 _SOFT = frozenset({"resistance_ohm", "esr_ohm"})
 
@@ -145,8 +148,8 @@ class Candidate:
 
 
 def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, float], sigma: Mapping[str, float] | None = None) -> tuple[str, ...]:
-    """Parameters of flexible laws (`FLEXIBLE`) that are outside their usual range, the resistance of a resonance that is overdamped, and `skin_hz`
-    of a loop with more inductance within its conductor than outside.
+    """Parameters of flexible laws (`FLEXIBLE`) that are outside their usual range, what damps a resonance that is overdamped, and `skin_hz` of a
+    loop with more inductance within its conductor than outside.
 
     An overdamped resonant cell is a lossy inductance, which has other causes; such a loop is a wire's own skin effect, or its neighbours'.
 
@@ -162,7 +165,8 @@ def unusual_values(motor: Motor, labels: Container[str], values: Mapping[str, fl
     counts = Counter(p.name.rpartition(".")[0] for p in own)
     flexible = [p for p in own if counts[p.name.rpartition(".")[0]] >= FLEXIBLE]
     outside = [p.name for p in flexible if _is_unusual(p, values[p.name], 0.0 if sigma is None else UNSURE * sigma[p.name])]
-    overdamped = [f"{label}.resistance_ohm" for label in counts if _is_overdamped(label, motor, values)]
+    damping = [f"{label}.{name}" for label in counts if _is_overdamped(label, motor, values) for name in DAMPING]
+    overdamped = [name for name in damping if name in values and name not in outside]
     return (*outside, *overdamped, *(f"{label}.skin_hz" for label in counts if _is_within_itself(label, motor, values, sigma)))
 
 
@@ -246,6 +250,11 @@ def candidate(fit: Fit, base: Fit) -> Candidate:
 def prior_of_set(base: Fit, size: int) -> float:
     """Log prior of one set of so many effects."""
     return prior_of_size(size, len(possible_effects(base)))
+
+
+def as_in_every_winding(one: Candidate, base: Fit) -> Candidate:
+    """The same with the prior of a single effect, for losses of copper and insulation together: no coincidence, as every winding has both."""
+    return dataclasses.replace(one, score=one.score + prior_of_set(base, 1) - prior_of_set(base, len(one.added)))
 
 
 def prior_of_size(size: int, possible: int) -> float:

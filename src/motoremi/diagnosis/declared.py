@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, BETWEEN_PORTS, DEFAULT_ANALYSER, TRANSMISSION, Analyser
 from motoremi.diagnosis.candidates import Candidate
-from motoremi.diagnosis.judgement import ALIKE, HALF, ONE_EFFECT, Judgement, accurate, judge
+from motoremi.diagnosis.judgement import ALIKE, HALF, ONE_EFFECT, Judgement, accurate, judge, of_every_winding
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit, summarise
 from motoremi.fitting.search import BEYOND_SIGMA, Found, Task, arrived_on_all
 from motoremi.progress import part
@@ -78,7 +78,7 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
         # It counts only if it needs no errors beyond its own specification.
         within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and _as_close(other.model, best, first.base)
         if odds > TAKEN and other.accepted and within:
-            return Declared(other, base.measurement.analyser, float(odds))
+            return Declared(of_every_winding(other, not declared.named), base.measurement.analyser, float(odds))
     return Declared(first)
 
 

@@ -35,7 +35,18 @@ from motoremi.diagnosis.findings import (
 )
 from motoremi.diagnosis.held_values import of_the_held, of_the_held_beside_an_effect
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import ALIKE, CLEAR_GAIN, HALF, ONE_EFFECT, Judgement, distributed, judge, of_the_analyser_alone
+from motoremi.diagnosis.judgement import (
+    ALIKE,
+    CLEAR_GAIN,
+    COMMONEST_FIRST,
+    HALF,
+    NEARLY_ALIKE,
+    ONE_EFFECT,
+    Judgement,
+    distributed,
+    judge,
+    of_the_analyser_alone,
+)
 from motoremi.diagnosis.machine_modes import machine_in_words, machine_with_modes
 from motoremi.diagnosis.outliers import outlying
 from motoremi.diagnosis.validation import cross_validated
@@ -418,7 +429,7 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None, each: Map = 
     if not held and (not judgement.accepted or any(one.serious and one.id == "beyond-specification" for one in found)):
         held = of_the_held_beside_an_effect(judgement.base, each)
     found += held + of_the_labels(fit.measurement)
-    found += of_the_amount(fit, (judgement.model if judgement.accepted else judgement.closest).fit)
+    found += of_the_amount(fit, (judgement.model if judgement.accepted else judgement.closest).fit, judgement.accepted and bool(judgement.named))
     if judgement.accepted and not judgement.named:
         found += of_the_hardly_seen(judgement.model.fit)
     if declared.instead is not None:
@@ -450,6 +461,8 @@ def _concluded(
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
         singles.sort(key=closeness)
+        if base.measurement.terminations == ("short",):
+            singles = commonest_of_the_closest_first(singles)
         remedies = [one.remedy for one in findings if one.serious and one.id in {*ABOUT_THE_DATA, *CONTRADICTIONS}]
         if verdict == "data" and remedies:
             following: JsonDict = {"id": "repeats", "why": remedies[0]}
@@ -503,6 +516,14 @@ def _correlated(findings: Sequence[Finding]) -> Finding | None:
 def closeness(one: Candidate) -> float:
     """Sort key if no model is accepted: the circuit's error, doubled for unusual values or a parameter at a bound."""
     return one.fit.rms_error_percent * (1 if one.ordinary else ALIKE)
+
+
+def commonest_of_the_closest_first(ranked: Sequence[Candidate]) -> list[Candidate]:
+    """Of those that come about as close as the first, the ones that need least of the device before the others: a sweep may be of any coil."""
+    limit = NEARLY_ALIKE * closeness(ranked[0]) if ranked else 0.0
+    close = [one for one in ranked if closeness(one) <= limit]
+    ordered = sorted(close, key=lambda one: COMMONEST_FIRST.index(find_effect(one.effect).effect.needs_a))
+    return ordered + list(ranked[len(close) :])
 
 
 def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings: Sequence[Finding], left: Remainder | None) -> Verdict:
@@ -637,7 +658,12 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
             f"{as_sum(absorbing.added)} is more probable, but only by errors that are assumed of an analyser without a name: its circuit misses by "
             f"{percent(absorbing.fit.rms_error_percent)} (name the analyser: --analyser)"
         )
-    if (alone := judgement.describes_nearly_all) is not None:
+    if (needing_more := judgement.instead_of_every_winding) is not None:
+        said.append(
+            f"{needing_more.effect} alone describes these sweeps about as well, but needs more than the wire and insulation that every winding "
+            "has: they do not show which it is"
+        )
+    if needing_more is None and (alone := judgement.describes_nearly_all) is not None:
         alone_left = alone.fit.unexplained_percent["value"]
         said.append(
             f"{alone.effect} alone leaves {percent(alone_left, 2)} undescribed of {percent(base.unexplained_percent['value'], 2)}; a law that "

@@ -359,15 +359,19 @@ def of_the_labels(measurement: Measurement) -> list[Finding]:
     ]
 
 
-def of_the_amount(fit: Fit, nearest: Fit) -> list[Finding]:
-    """Findings on sweeps that have too few points, or that determine neither the fitted circuit nor `nearest` (the accepted or closest one)."""
+def of_the_amount(fit: Fit, nearest: Fit, named: bool = False) -> list[Finding]:
+    """Findings on sweeps that have too few points, or that determine neither the fitted circuit nor `nearest` (the accepted or closest one).
+
+    If an effect is named, the sweeps show that circuit, whether or not its parameters are known one by one: of two terms of one permeability hardly
+    any is.
+    """
     found = []
     for sweep in fit.measurement.sweeps:
         count = sweep.frequency_hz.size
         if count < FEW_POINTS:
             why = f"the {sweep.termination} sweep has {count} points: too few to distinguish most effects"
             found.append(Finding("too-little", why, "sweep 201 points or more", True, sweep.termination, _span(sweep.frequency_hz)))
-    if shows_nothing(fit) and shows_nothing(nearest):
+    if not named and shows_nothing(fit) and shows_nothing(nearest):
         why = "these sweeps show no circuit: the analyser's errors may be as large as the measured values"
         found.append(Finding("too-little", why, "compensate at the motor's terminals, and check that the motor is connected", True))
     if len(fit.measurement.sweeps) == 1:

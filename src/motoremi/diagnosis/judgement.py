@@ -29,6 +29,7 @@ from motoremi.diagnosis.motor_board import MotorBoard
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN
 from motoremi.model.effects import find_effect
+from motoremi.model.effects.effect import Needs
 from motoremi.workers import Map
 
 BUDGET = Budget()
@@ -55,6 +56,12 @@ NEARLY_ALL = 0.1
 NEXT_TO_ALL = 0.02
 # Circuits whose errors differ by less than this factor are about equally good.
 ALIKE = 2.0
+# Log odds of 20 to 1: with less, two effects are not distinguished.
+SURE_GAIN = 3.0
+# What a device needs for an effect, in the order in which effects are named that sweeps of a winding alone do not distinguish.
+COMMONEST_FIRST: tuple[Needs, ...] = ("winding", "core", "lossy insulation", "part")
+# The same of circuits that may change places for that: half as far apart, in logarithms, as those of a family.
+NEARLY_ALIKE = ALIKE**0.5
 # Effects of which two together have the impedance of a line of resistance and capacitance: such a line is a sum of relaxations (its Foster form),
 # and over this band two of them are enough, along the path to the frame or across a winding of different sections.
 RELAXING = (frozenset({"dielectric-relaxation@Cf", "dielectric-relaxation@Cr", "bearing-film"}), frozenset({"dielectric-relaxation@Ca"}))
@@ -110,8 +117,22 @@ class Judgement:
         further = tuple(Counter(model.added) - Counter(under.added))
         if of_the_analyser_alone(further) and _is_within(under.fit) and acceptance_of(self.base, under.fit) != "not":
             return False
-        needed = _leaves_less(under, model) or _comes_closer(under, model) or _relieves(under, model)
+        if _is_assumed(under.fit) and self._only_relieves_what_is_assumed(under, model):
+            return False
+        needed = _comes_closer(under, model) or _relieves(under, model)
+        # The sizes of the errors of an analyser without a name are estimated from these sweeps: what is left beside them is no further error of it.
+        if not (of_the_analyser_alone(further) and _is_assumed(under.fit)):
+            needed = needed or _leaves_less(under, model)
         return needed and not (_enough(under) and self._at_one_place(model.added))
+
+    def _only_relieves_what_is_assumed(self, under: Candidate, model: Candidate) -> bool:
+        """Whether a further effect takes the circuit further away, and only what is assumed of an analyser without a name becomes smaller.
+
+        A choke of drum shape: a relaxing capacitance erred by 0.62 %, and a suppressor choke beside it by 1.14 %. A network analyser's errors may
+        be a large part of Z, so that the circuit's error says less.
+        """
+        farther = under.ordinary and under.fit.rms_error_percent < model.fit.rms_error_percent
+        return farther and not under.fit.measurement.analyser.by_waves and acceptance_of(self.base, under.fit) != "not"
 
     @property
     def of_needed(self) -> Judgement:
@@ -186,6 +207,16 @@ class Judgement:
         return best if self.named and _is_assumed(best.fit) and larger and best.fit.marginal.nothing_left >= 0.5 else None
 
     @property
+    def instead_of_every_winding(self) -> Candidate | None:
+        """If losses of copper and insulation are named for a winding alone: a single effect that needs more and describes it about as well."""
+        only = self.base.measurement.terminations == ("short",) and len(self.named) == 2
+        if not only or any(_needs(name) != COMMONEST_FIRST[0] for name in self.named):
+            return None
+        most_percent = ALIKE * self.model.fit.rms_error_percent
+        singles = [one for key, one in self.found.items() if len(key) == 1 and one.ordinary and _needs(key[0]) != COMMONEST_FIRST[0]]
+        return max((one for one in singles if one.fit.rms_error_percent <= most_percent), key=lambda one: one.score, default=None)
+
+    @property
     def describes_nearly_all(self) -> Candidate | None:
         """If two effects are named: the most probable single one with usual values that leaves next to nothing by itself.
 
@@ -254,8 +285,11 @@ class Judgement:
 
     @property
     def leaves_something(self) -> bool:
-        """Whether an error remains beyond noise and analyser, and beyond a stated accuracy."""
-        return self.model.fit.marginal.nothing_left < 0.5 and not accurate(self.model.fit)
+        """Whether an error remains beyond noise and analyser, and beyond a stated accuracy.
+
+        Errors of the analyser that could describe everything only beyond its specification leave what the circuit does.
+        """
+        return _leaves_an_error(self.model.fit) and not accurate(self.model.fit)
 
     @property
     def _several_are_credible(self) -> bool:
@@ -361,6 +395,11 @@ class Judgement:
         close = {key: one for key, one in close.items() if one.fit.rms_error_percent <= ALIKE * least}
         closest = self.among({key: one for key, one in self.found.items() if not key or key in close})
         return closest if likeliest not in close.values() and closest.named and closest.accepted else None
+
+    @property
+    def or_closest(self) -> Judgement:
+        """This judgement, or `of_closest` if one effect is named and leaves a part."""
+        return (self.of_closest if self.acceptance == "mostly" and len(self.named) == 1 else None) or self
 
     @property
     def of_singles_as_good(self) -> Judgement | None:
@@ -542,14 +581,90 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
     spent = ONE_EFFECT if accurate(base) else budget
     board = MotorBoard(base, each, FURTHER if spent.most_effects > 1 else 0)
     found = explore(board, board.start(), spent, progress)
-    if accurate(base) and best_of(found.values()).added and base.measurement.terminations == ("short",):
+    best = best_of(found.values())
+    if base.measurement.terminations == ("short",) and len(best.added) == 1 and (accurate(base) or _is_nearly_ordinary(base, best)):
         # One sweep of a winding alone, of which hardly more than copper and insulation may be left.
         found = {**{key_of(one): one for one in board.every_winding()}, **found}
     return decided(base, found)
 
 
+def _is_nearly_ordinary(base: Fit, best: Candidate) -> bool:
+    """Whether copper and insulation may be all that a winding has although another effect is more probable: its circuit alone errs little."""
+    return _needs(best.effect) != COMMONEST_FIRST[0] and base.rms_error_percent <= MOST_ERRING_PERCENT
+
+
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER, proven: bool = False) -> Judgement:
     """The decision from the models that were found; `together` as in `belief.believe`, `proven` as in `Judgement`."""
+    judgement = _decided(base, found, together, proven)
+    return judgement if proven else _commonest_first(of_every_winding(judgement, _is_assumed(base)))
+
+
+def of_every_winding(judgement: Judgement, assumed: bool) -> Judgement:
+    """The judgement for losses of copper and insulation together, if they describe a winding alone as well as one effect that needs more.
+
+    They are two effects, but no coincidence: every winding has both, and only some a core.
+
+    Parameters
+    ----------
+    judgement : Judgement
+    assumed : bool
+        Whether nobody named the analyser: likelihood ratios then rest on assumed errors, and circuits are about equally good if they err alike.
+    """
+    if len(judgement.named) != 1 or not judgement.accepted or judgement.base.measurement.terminations != ("short",):
+        return judgement
+    if _needs(judgement.named[0]) == COMMONEST_FIRST[0]:
+        return judgement
+    named = judgement.model
+    most_percent = NEARLY_ALIKE * named.fit.rms_error_percent if assumed else 0.0
+    both = {key: one for key, one in judgement.found.items() if len(key) == 2 and all(_needs(name) == COMMONEST_FIRST[0] for name in key)}
+    as_good: dict[Key, Candidate] = {
+        key: dataclasses.replace(one, score=max(one.score, named.score) if one.fit.rms_error_percent <= most_percent else one.score)
+        for key, one in both.items()
+        if one.score > named.score - SURE_GAIN or one.fit.rms_error_percent <= most_percent
+    }
+    if not as_good:
+        return judgement
+    found: dict[Key, Candidate] = {**judgement.found, **as_good}
+    without: dict[Key, Candidate] = {(): found[()]}
+    chosen = believe(without | as_good)
+    ordinary = Judgement(judgement.base, found, dataclasses.replace(chosen, posterior=believe(found).posterior))
+    return ordinary if len(ordinary.named) == 2 and ordinary.accepted else judgement
+
+
+def _commonest_first(judgement: Judgement) -> Judgement:
+    """The judgement with other members of the families named first, if they need less of the device: every winding has copper, few a core.
+
+    A motor has a core, but a sweep of a winding alone may be of any coil. The effects of a family describe it about as well, so what is common is
+    the better guess; measurements that decide between them (`proven`) are better than any.
+    """
+    if judgement.base.measurement.terminations != ("short",) or not judgement.accepted:
+        return judgement
+    for effect in judgement.named:
+        judgement = _with_commonest(judgement, effect)
+    return judgement
+
+
+def _with_commonest(judgement: Judgement, effect: str) -> Judgement:
+    """The same with the commonest member of an effect's family in its place, among those that these sweeps do not distinguish from it."""
+    family, instead, model = judgement.families[effect], judgement.instead_of(effect), judgement.model
+    most_percent = NEARLY_ALIKE * model.fit.rms_error_percent if _leaves_an_error(model.fit) else 0.0
+    near = [name for name in family if instead[name].fit.rms_error_percent <= most_percent or instead[name].score > model.score - SURE_GAIN]
+    first = min((effect, *(name for name in near if instead[name].ordinary)), key=lambda name: COMMONEST_FIRST.index(_needs(name)))
+    if first == effect:
+        return judgement
+    named = tuple(first if name == effect else name for name in judgement.named)
+    families = {**judgement.families, first: (effect, *(name for name in family if name != first))}
+    families.pop(effect, None)
+    other = dataclasses.replace(judgement, belief=dataclasses.replace(judgement.belief, named=named, families=families))
+    return other if other.named == instead[first].added or sorted(other.named) == sorted(named) else judgement
+
+
+def _needs(name: str) -> Needs:
+    return find_effect(name).effect.needs_a
+
+
+def _decided(base: Fit, found: Mapping[Key, Candidate], together: float, proven: bool) -> Judgement:
+    """The decision by evidence, values and errors."""
     judgement = _believed(base, found, together, proven)
     if len(judgement.belief.named) > 2 and not judgement.accepted:
         # Three effects that are not accepted say nothing about two.
@@ -566,12 +681,12 @@ def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_
     if (enough := judgement.of_accurate) is not None:
         return enough
     if (single := judgement.of_singles_as_good) is not None:
-        return single
+        return single.or_closest
     if judgement.accepted:
-        closest = judgement.of_closest if judgement.acceptance == "mostly" and len(judgement.named) == 1 else None
-        return closest or judgement
+        return judgement.or_closest
     # If a larger set is not accepted and its further effects add little, the effect that does most is named and the rest stays undescribed.
-    smaller = judgement.of_singles or judgement.of_none or judgement.of_closest
+    single = judgement.of_singles
+    smaller = judgement.of_none or judgement.of_closest if single is None else single.or_closest
     return smaller or _without_steps(base, found, together, proven) or judgement
 
 
@@ -586,7 +701,7 @@ def _without_steps(base: Fit, found: Mapping[Key, Candidate], together: float, p
     A step within the specification is part of what such an analyser measures; however probable, it does not show what the motor lacks.
     """
     without = {key: one for key, one in found.items() if not any(find_effect(name).effect.of_ranges for name in key)}
-    judgement = decided(base, without, together, proven) if len(without) < len(found) else None
+    judgement = _decided(base, without, together, proven) if len(without) < len(found) else None
     return judgement if judgement is not None and judgement.accepted else None
 
 
@@ -609,6 +724,11 @@ def _of_the_closer_circuit(judgement: Judgement, together: float) -> Judgement:
         return judgement
     other = dataclasses.replace(judgement, belief=believe({(): judgement.found[()], **closer}, together))
     return other if other.named and other.accepted else judgement
+
+
+def _leaves_an_error(fit: Fit) -> bool:
+    """Whether the laws of a model are approximate: likelihood ratios then mean little."""
+    return fit.marginal.nothing_left < 0.5 or fit.unexplained_percent["value"] >= 100 * PLAIN
 
 
 def _is_assumed(fit: Fit) -> bool:

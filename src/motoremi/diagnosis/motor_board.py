@@ -8,7 +8,15 @@ from math import inf
 from typing import TypeVar
 
 from motoremi.arrays import Progress
-from motoremi.diagnosis.candidates import Candidate, candidate, own_labels, possible_effects, seen_in, unusual_values
+from motoremi.diagnosis.candidates import (
+    Candidate,
+    as_in_every_winding,
+    candidate,
+    own_labels,
+    possible_effects,
+    seen_in,
+    unusual_values,
+)
 from motoremi.diagnosis.explore import Key, ranked
 from motoremi.fitting.beside import Pairs
 from motoremi.fitting.fit import counted, counted_near, on_all_points, parts_of, task_without, trail_to
@@ -44,6 +52,8 @@ Name = TypeVar("Name", bound=Hashable)
 MOST_LEFT = 0.05
 # The same if no more than this is missing in all: less than what one sees on a plot, or than most analysers err.
 SLIGHT_PERCENT = 0.2
+# Log evidence by which the same circuit may differ from itself: it is found by steps.
+SAME = 0.1
 # What every winding has: losses of its copper, each as one law, and of its insulation.
 COPPER, INSULATION = ("skin-effect", "proximity-effect"), "dielectric-loss@Ca"
 
@@ -115,8 +125,8 @@ class MotorBoard:
         if any(one.leaves_nothing for one in near):
             return near
         # If an error remains, or only unusual values describe everything, the decision also uses the values: sets with usual ones are refitted too.
-        usual = [key for key, solution in others.items() if not self._unusual(trails[key], solution)]
-        return near + self._refitted(trails, {key: others[key] for key in usual[: self._further]})
+        usual = {key: solution for key, solution in others.items() if not self._unusual(trails[key], solution)}
+        return near + self._refitted(trails, {key: others[key] for key in _unlike(usual)[: self._further]})
 
     def _singles(self, alone: Mapping[str, Trail], progress: Progress | None = None) -> tuple[Mapping[Key, Trail], dict[Key, Solution]]:
         """The race between single effects, whose end is kept for pairs."""
@@ -127,15 +137,17 @@ class MotorBoard:
         return trails, solutions
 
     def every_winding(self) -> list[Candidate]:
-        """Losses of copper and insulation, alone and together, for a search that compares no pairs.
+        """Losses of copper and insulation, alone and together, for a sweep of a winding alone.
 
-        Of an air coil, skin effect and a loss angle together left 0.13 %, and a shorted turn or a core, which it has not, imitated both with 0.2 %.
+        Of an air coil, skin effect and a loss angle together left 0.13 %, and a shorted turn or a core, which it has not, imitated both with 0.2 %
+        and 0.13 %.
         """
         if not {*COPPER, INSULATION} <= self._alone.keys():
             return []
         alone = self._each_alone({(name,): self._alone[name] for name in (*COPPER, INSULATION)})
         copper = [one for one in alone if one.effect in COPPER]
-        return alone + self._each_alone({(*one.added, INSULATION): trail_to(one.fit, INSULATION) for one in copper})
+        together = self._each_alone({(*one.added, INSULATION): trail_to(one.fit, INSULATION) for one in copper})
+        return alone + [as_in_every_winding(one, self._base) for one in together]
 
     def _each_alone(self, trails: Mapping[Key, Trail]) -> list[Candidate]:
         """Each of these models, whatever the others reach."""
@@ -279,6 +291,21 @@ def _best_with_little_left(found: Mapping[Key, Candidate], size: int, errs_littl
     """The best set of a size that leaves little; with `errs_little`, also by its circuit's own error."""
     most_percent = 100 * LITTLE if errs_little else 0.0
     return next((one for one in ranked(found, size) if little_is_left(one.fit.sizes) or one.fit.rms_error_percent < most_percent), None)
+
+
+def _unlike(solutions: Mapping[Key, Solution]) -> list[Key]:
+    """Sets without those that only have an effect at another place, where it is no more or less probable: there it is the same circuit.
+
+    In the short-circuit sweep a capacitor across the terminals is one to the frame; all three of its places were refitted, and a core was not.
+    """
+    chosen: dict[tuple[str, ...], float] = {}
+    kept = []
+    for key, solution in solutions.items():
+        laws = tuple(sorted(find_effect(name).effect.name for name in key))
+        if abs(solution.log_evidence - chosen.get(laws, inf)) > SAME:
+            kept.append(key)
+            chosen[laws] = solution.log_evidence
+    return kept
 
 
 def _likeliest_orders(raced: Iterable[Mapping[Key, Solution]]) -> dict[Key, Solution]:

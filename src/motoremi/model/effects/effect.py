@@ -17,6 +17,8 @@ from motoremi.model.motor import Motor
 from motoremi.model.parameter import Parameter
 
 Group: TypeAlias = Literal["winding", "insulation", "connection", "rotor", "instrument"]
+# What a device has to have for an effect to show, from what every winding has to what few have.
+Needs: TypeAlias = Literal["winding", "core", "lossy insulation", "part"]
 # (motor, place, parameters by short name) -> motor
 Change: TypeAlias = Callable[[Motor, str, Mapping[str, Parameter]], Motor]
 
@@ -87,12 +89,16 @@ class Effect:
     exchange : callable, optional
         From its parameters by short name and the motor's elements: the values of all that change if both exchange places.
     damping_ratio : callable, optional
-        That of its resonance, which `resistance_ohm` damps, from its parameters by short name. Above 1 nothing resonates: such values are unusual.
+        That of its resonance, which `resistance_ohm` or `quality` damps, from its parameters by short name. Above 1 nothing resonates: such values
+        are unusual.
     within : callable, optional
         Inductance of a loop within its conductor over that outside, from its parameters by short name. Above 1 no wire, bar or sleeve is like that:
         such values are unusual.
     odds : float
         Prior odds of it relative to other effects: below 1 for what few DC motors have.
+    needs_a : str
+        What a device has to have for it: a `winding` has wire and insulation, a `core` or `lossy insulation` (damp, or of lossy layers) only some
+        have, and a further `part` (a choke, another winding, a loop, a fault of analyser or fixture) fewer.
     kin : str
         Finer grouping than `group`, for tables. Which effects the *data* cannot distinguish is computed and does not depend on it.
     """
@@ -132,6 +138,7 @@ class Effect:
     damping_ratio: Callable[[Mapping[str, float]], float] | None = None
     within: Callable[[Mapping[str, float]], float] | None = None
     odds: float = 1.0
+    needs_a: Needs = "part"
 
     @property
     def family(self) -> str:

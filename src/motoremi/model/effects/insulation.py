@@ -38,6 +38,7 @@ EFFECTS = (
         places=PLACES,
         responds={"second-temperature": {"tan_delta": 1.4}, "dried": {"tan_delta": 0.5}},
         seen_as=("capacitance-angle",),
+        needs_a="winding",
     ),
     Effect(
         name="dielectric-relaxation",
@@ -69,6 +70,7 @@ EFFECTS = (
             "Ca": "a winding with a tap or with unlike sections",
             "Cf": "a layer whose resistance is distributed (a semiconducting or damp coat)",
         },
+        needs_a="lossy insulation",
     ),
     Effect(
         name="insulation-leakage",
@@ -97,5 +99,6 @@ EFFECTS = (
         places=PLACES,
         responds={"second-temperature": {"resistance_ohm": 0.15}, "dried": {"resistance_ohm": 10.0}},
         seen_as=("capacitance-leakage",),
+        needs_a="lossy insulation",
     ),
 )

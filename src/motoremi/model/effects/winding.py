@@ -91,6 +91,7 @@ EFFECTS = (
         starts=({"radius_m": 0.4e-3, "share": 1.0}, {"radius_m": 0.4e-3, "share": 0.03}),
         copper={"radius_m": -0.5},
         seen_as=("conductor-skin",),
+        needs_a="winding",
     ),
     Effect(
         name="proximity-effect",
@@ -121,6 +122,7 @@ EFFECTS = (
         ),
         copper={"height_m": -0.5},
         seen_as=("conductor-layers",),
+        needs_a="winding",
     ),
     Effect(
         name="eddy-laminations",
@@ -150,6 +152,7 @@ EFFECTS = (
         starts=tuple({"share": k, "corner_hz": f, Scale("La"): 1 / (1 - k)} for k in (0.06, 0.3, 0.65) for f in (4e3, 3e4, 2e5)),
         responds={"dc-bias": {"corner_hz": 1.25, "share": 0.85}, "second-temperature": {"corner_hz": 1.1}},
         seen_as=("inductance-diffusion",),
+        needs_a="core",
     ),
     Effect(
         name="permeability-relaxation",
@@ -212,6 +215,7 @@ EFFECTS = (
         repeatable=True,
         responds={"dc-bias": {"share": 0.8, "corner_hz": 1.25}},
         seen_as=("inductance-relaxation",),
+        needs_a="core",
     ),
     Effect(
         name="core-loss",
@@ -232,6 +236,7 @@ EFFECTS = (
         starts=({"resistance_ohm": 5e2}, {"resistance_ohm": 3e3}, {"resistance_ohm": 3e4}),
         responds={"dc-bias": {"resistance_ohm": 0.95}, "second-temperature": {"resistance_ohm": 1.05}},
         seen_as=("inductance-shunted",),
+        needs_a="core",
     ),
     Effect(
         name="second-resonance",
@@ -325,6 +330,7 @@ EFFECTS = (
             *({"coupling": 0.2, "resonance_hz": f, "quality": q} for f in (1e5, 5e5, 2e6, 6e6, 15e6) for q in (0.5, 10.0)),
         ),
         reader=rational_starts.coupled_winding,
+        damping_ratio=lambda own: 0.5 / own["quality"],
         responds={"field-winding": {"coupling": 0.1}},
         seen_as=("inductance-resonance",),
     ),
