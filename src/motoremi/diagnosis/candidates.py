@@ -92,12 +92,8 @@ class Candidate:
     @property
     def exchanged(self) -> bool:
         """Whether an effect has exchanged places with an element (`Effect.less_than`): then it describes the winding, and La what is beside it."""
-        values = self.fit.parameters
-        for label in own_labels(self.fit.motor.effects, self.added):
-            limits = find_effect(label.partition("#")[0]).effect.less_than
-            if any(values[f"{label}.{name}"] > values.get(element, np.inf) for name, element in limits.items()):
-                return True
-        return False
+        labels = own_labels(self.fit.motor.effects, self.added)
+        return any(find_effect(label.partition("#")[0]).effect.has_exchanged(label, self.fit.parameters) for label in labels)
 
     @cached_property
     def unusual(self) -> tuple[str, ...]:

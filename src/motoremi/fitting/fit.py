@@ -474,11 +474,10 @@ def _in_its_place(fitted: Fit, effect: str, before: Motor) -> Fit:
     """
     found = find_effect(effect)
     label, exchange = found.label_in(before), found.effect.exchange
+    if exchange is None or not found.effect.has_exchanged(label, fitted.parameters):
+        return fitted
     own = {f"{label}.{p.name}": p.name for p in found.effect.parameters}
     values = {own.get(name, name): value for name, value in fitted.parameters.items()}
-    turned = any(values[name] > values[element] for name, element in found.effect.less_than.items() if name in values and element in values)
-    if exchange is None or not turned:
-        return fitted
     other = {**values, **exchange(values)}
     start = {**fitted.nuisance, **{name: other[own.get(name, name)] for name in fitted.parameters}, **fitted.held}
     solution = arrived_on_all(fitted.task, [start])

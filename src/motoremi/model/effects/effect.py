@@ -140,6 +140,10 @@ class Effect:
     odds: float = 1.0
     needs_a: Needs = "part"
 
+    def has_exchanged(self, label: str, values: Mapping[str, float]) -> bool:
+        """Whether it has exchanged places with an element (`less_than`), from values by name; `label` is its own in the motor."""
+        return any(values.get(f"{label}.{name}", 0.0) > values.get(element, math.inf) for name, element in self.less_than.items())
+
     @property
     def family(self) -> str:
         """Grouping for tables: `kin`, or `group` without one."""
