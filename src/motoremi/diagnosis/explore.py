@@ -123,7 +123,8 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
 
 def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progress: Progress | None) -> None:
     """Swap effects of the best models of one size until that changes nothing."""
-    swapped: set[Key] = set()
+    # The score of a set when its effects were swapped: it may be found again, in another local minimum, with a higher one.
+    swapped: dict[Key, float] = {}
     best = -inf
     times, models_of_size = budget.swaps[size - 1], budget.swapped[size - 1]
     done, most = 0, times * models_of_size * size
@@ -134,14 +135,14 @@ def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progr
         best = leaders[0].score
         # If the best model describes everything, only its own effects are swapped.
         count = 1 if leaders[0].done else models_of_size
-        models = [model for model in leaders[:count] if key_of(model) not in swapped and model.score > best - budget.gain]
-        for model in models:
-            swapped.add(key_of(model))
+        near = [model for model in leaders[:count] if model.score > best - budget.gain]
+        for model in (one for one in near if one.score > swapped.get(key_of(one), -inf) + budget.gain):
+            swapped[key_of(model)] = model.score
             for effect in model.added:
                 if progress is not None:
                     progress(f"others for {effect}", done, most)
                 done += 1
-                _take(found, board.swapped(model, effect))
+                _take(found, board.swapped(found[key_of(model)], effect))
 
 
 def ranked(found: Mapping[Key, M], size: int) -> list[M]:

@@ -23,9 +23,10 @@ from motoremi.diagnosis.belief import (
     believe,
     in_place_of,
 )
-from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects, seen_in
+from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects, candidate, seen_in
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
 from motoremi.diagnosis.motor_board import MotorBoard
+from motoremi.fitting.integrated import integrated
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import BEYOND_SIGMA, PLAIN
 from motoremi.model.effects import find_effect
@@ -56,6 +57,8 @@ NEARLY_ALL = 0.1
 NEXT_TO_ALL = 0.02
 # Circuits whose errors differ by less than this factor are about equally good.
 ALIKE = 2.0
+# Models so near the best in log score may be the best in another local minimum: a rotor cage gained 9, and a shorted turn 8, along a valley.
+CONTENDING = 20.0
 # Log odds of 20 to 1: with less, two effects are not distinguished.
 SURE_GAIN = 3.0
 # What a device needs for an effect, in the order in which effects are named that sweeps of a winding alone do not distinguish.
@@ -123,7 +126,8 @@ class Judgement:
         # The sizes of the errors of an analyser without a name are estimated from these sweeps: what is left beside them is no further error of it.
         if not (of_the_analyser_alone(further) and _is_assumed(under.fit)):
             needed = needed or _leaves_less(under, model)
-        return needed and not (_enough(under) and self._at_one_place(model.added))
+        clearly_closer = _comes_closer(under, model) and model.score - under.score > CLEAR_GAIN
+        return needed and not (_enough(under) and self._at_one_place(model.added) and not clearly_closer)
 
     def _only_relieves_what_is_assumed(self, under: Candidate, model: Candidate) -> bool:
         """Whether a further effect takes the circuit further away, and only what is assumed of an analyser without a name becomes smaller.
@@ -585,12 +589,27 @@ def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, 
     if base.measurement.terminations == ("short",) and len(best.added) == 1 and (accurate(base) or _is_nearly_ordinary(base, best)):
         # One sweep of a winding alone, of which hardly more than copper and insulation may be left.
         found = {**{key_of(one): one for one in board.every_winding()}, **found}
-    return decided(base, found)
+    return decided(base, _integrated(base, found, each))
 
 
 def _is_nearly_ordinary(base: Fit, best: Candidate) -> bool:
     """Whether copper and insulation may be all that a winding has although another effect is more probable: its circuit alone errs little."""
     return _needs(best.effect) != COMMONEST_FIRST[0] and base.rms_error_percent <= MOST_ERRING_PERCENT
+
+
+def _integrated(base: Fit, found: Mapping[Key, Candidate], each: Map) -> dict[Key, Candidate]:
+    """The same models; those near the best are searched further and their evidence is integrated where the data hardly determine a parameter.
+
+    This is not done for sets larger than the best: their further effect is not needed.
+    """
+    best = best_of(found.values())
+    near = [key for key, one in found.items() if 0 < len(key) <= len(best.added) and one.score > best.score - CONTENDING]
+    again = {}
+    for key, (fit, gained) in zip(near, each(integrated, [found[key].fit for key in near]), strict=True):
+        one, better = found[key], candidate(fit, base)
+        # The difference, since a score may have another prior than that of the number of effects (`as_in_every_winding`).
+        again[key] = dataclasses.replace(better, score=one.score + better.score - candidate(one.fit, base).score + gained)
+    return {**found, **again}
 
 
 def decided(base: Fit, found: Mapping[Key, Candidate], together: float = FAMILY_TOGETHER, proven: bool = False) -> Judgement:

@@ -227,6 +227,10 @@ class MotorBoard:
         trails = {
             name: trail_to(under, name) if name == effect else trail_to(under, name, parts.get(name), near=near, rival=model.fit) for name in names
         }
+        if model.done:
+            # Others may leave nothing too, and equal weights of the points distinguish nothing there: all starts of a rotor cage in the place of a
+            # skin effect were in a minimum whose log evidence is lower by 96.
+            trails = {name: dataclasses.replace(trail, left=model.fit.sizes) for name, trail in trails.items()}
         alike = {name: trail for name, trail in trails.items() if name == effect or _alike(name, effect)}
         others = {name: trail for name, trail in trails.items() if name not in alike}
         # Look-alikes are fitted to the end: only the likelihood distinguishes them.

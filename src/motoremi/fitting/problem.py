@@ -126,7 +126,7 @@ class Problem:
     blur : float
         White noise that is added to that of the measurement, relative to Z.
     swept : collection of str
-        Parameters that are not varied, but of which each member of a batch has its own value: unknowns whose derivatives and priors are zero.
+        Parameters of which each member of a batch keeps its own value: unknowns whose derivatives and priors are zero.
 
     Attributes
     ----------
@@ -159,6 +159,7 @@ class Problem:
         varying = [i for i, p in enumerate(self.everything) if (p.vary or p.name in swept) and p.name not in self.held]
         self.unknowns = tuple(self.everything[i] for i in varying)
         self._varying = np.array(varying, dtype=np.intp)
+        self._swept = frozenset(swept)
         self._log = np.array([p.scale == "log" for p in self.unknowns])
         self._as_log, self._as_linear = np.flatnonzero(self._log), np.flatnonzero(~self._log)
         self._scale = np.array([1.0 if p.scale == "log" else _linear_scale(p) for p in self.unknowns])
@@ -204,7 +205,7 @@ class Problem:
         for index, parameter in enumerate(self.unknowns):
             if parameter.sigma is not None:
                 precision[index] = 1 / self.sizes.declared**2 if _declared(parameter) else 1.0
-            elif parameter.name not in paper and parameter.vary:
+            elif parameter.name not in paper and parameter.name not in self._swept and parameter.vary:
                 precision[index] = (2 / (self.high[index] - self.low[index])) ** 2
                 centre[index] = 0.5 * (self.high[index] + self.low[index])
         return precision, centre
@@ -342,7 +343,8 @@ class Problem:
         slopes = np.zeros((*u.shape, self.size), dtype=np.complex128)
         into: list[ComplexArray | None] = [None] * len(self.everything)
         for row, position in enumerate(self._varying):
-            into[position] = slopes[..., row, :]
+            if self.unknowns[row].name not in self._swept:
+                into[position] = slopes[..., row, :]
         with np.errstate(all="ignore"):
             model, trace = self._tape.forward(self.observed.s, values)
             residual, slope = self._residual_and_slope(model)

@@ -40,6 +40,8 @@ MOST_RIVALS = 10
 # Share of true explanations whose predicted response is completely wrong: no single measurement refutes an effect by another one by more than
 # 50 to 1.
 DOUBT = 0.02
+# The same of a sweep of the motor as it is, in another circuit or over another span: it needs no response, and the models allow for departures.
+DOUBT_ELSEWHERE = 0.002
 # Number of the most probable explanations that an effect outside the catalogue may resemble.
 LIKE = 3
 # How often an effect outside the catalogue departs independently at each point, and by how much, as a logarithm. An assumption; unconfirmed.
@@ -263,7 +265,8 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
                 found = guess if rival is leading else _weighed(rival, used, rivals, again) if used else Weighed(0.0, rival.known)
                 log[left_out] = found.log_likelihood + instead + len(used) * right
                 known[left_out] = found.known
-    doubted = with_doubt(rivals, [float(logsumexp(list(log.values()))) for log in logs])
+    doubt = DOUBT_ELSEWHERE if option.kind == "sweep" else DOUBT
+    doubted = with_doubt(rivals, [float(logsumexp(list(log.values()))) for log in logs], doubt)
     members = []
     shares: dict[Key, float] = {}
     total = float(logsumexp([rival.log_weight + value for rival, log in zip(rivals.members, logs, strict=True) for value in log.values()]))
@@ -281,16 +284,16 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
     return _with(rivals, members, condition, noticed)
 
 
-def with_doubt(rivals: Rivals, logs: Sequence[float]) -> list[float]:
+def with_doubt(rivals: Rivals, logs: Sequence[float], doubt: float = DOUBT) -> list[float]:
     """Log likelihoods if each rival may be right and its response wrong.
 
     The outcome is then as likely as with the effect of the catalogue that predicts it best, so that no measurement changes the odds of two of these
-    by more than 1 / `DOUBT`; or it is predicted by any of them, an effect outside the catalogue included.
+    by more than 1 / `doubt`; or it is predicted by any of them, an effect outside the catalogue included.
     """
     weights = np.array([one.log_weight for one in rivals.members])
     any_of_them = float(logsumexp(weights - logsumexp(weights) + np.array(logs)))
     best = max([log for one, log in zip(rivals.members, logs, strict=True) if not one.outside], default=-np.inf)
-    return [float(np.logaddexp(np.log(1 - DOUBT) + log, np.log(DOUBT) + max(best, any_of_them))) for log in logs]
+    return [float(np.logaddexp(np.log(1 - doubt) + log, np.log(doubt) + max(best, any_of_them))) for log in logs]
 
 
 def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Mapping[str, float]) -> Weighed:

@@ -1,7 +1,8 @@
 """Likelihood of new data under a model fitted to the earlier sweeps, by Laplace's method around the most likely unknowns.
 
-Unknown are the model's parameters, normal round the fit with the precision that the sweeps at hand give them (a direction that they leave
-open has its range); the response numbers; the analyser's errors; and what no model describes of the change, whose size is summed over.
+Unknown are the model's parameters, as the likelihood of the sweeps at hand has them: for data that move them far (another span or circuit, a
+single value) that likelihood itself, otherwise the normal distribution round the fit that is like it (a direction that they leave open has its
+range); the response numbers; the analyser's errors; and what no model describes of the change, whose size is summed over.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.special import logsumexp
 
 from motoremi.arrays import BoolArray, FloatArray, IntArray
+from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
+from motoremi.fitting.search import misses_by_far
 
 # Relative size of what no model describes of a change -> prior. The least is what a motor repeats to. An assumption; unconfirmed.
 UNDESCRIBED = {5e-4: 0.45, 2e-3: 0.3, 8e-3: 0.17, 3e-2: 0.08}
@@ -42,6 +45,8 @@ FARTHEST_RESPONSE = 6.0
 CONVERGED, CONVERGED_SHARE = 1e-2, 1e-4
 # Added to the diagonal of a scaled matrix: the arithmetic of nearly singular matrices.
 NEARLY_SINGULAR = 1e-13
+# In the corner of a matrix whose root has the misfit: more than any misfit that a solution can gain.
+LARGE = 1e6
 # Size of what no model describes, and shares of the unpredictable changes of elements and of effects.
 Scale: TypeAlias = tuple[float, float, float]
 
@@ -88,37 +93,129 @@ class Prediction(Protocol):
         """Data less a prediction."""
 
 
+class Near(NamedTuple):
+    """Minus twice a log density round a point, less that at the centre: `squares` - 2 `pull`.d + d.`precision`.d, with d from the centre."""
+
+    squares: float
+    pull: FloatArray
+    precision: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Sweeps:
+    """The likelihood of the sweeps that a model was fitted to, and what later data taught beside it.
+
+    Parameters
+    ----------
+    likelihood : Problem
+    taught, towards : ndarray, shapes (k, k), (k,)
+        Of what later data taught minus twice the log is u.taught.u - 2 towards.u.
+    """
+
+    likelihood: Problem
+    taught: FloatArray
+    towards: FloatArray
+
+    def objective(self, u: FloatArray) -> float:
+        """Minus twice the log density, up to a constant."""
+        return float(self.likelihood.objective(u[None])[0] + u @ self.taught @ u - 2 * self.towards @ u)
+
+
+class Learnt(NamedTuple):
+    """What data taught: the centre and precision of a model's unknowns afterwards, and of that the data's own part as in `Sweeps`."""
+
+    centre: FloatArray
+    precision: FloatArray
+    taught: FloatArray
+    towards: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class Known:
-    """The distribution of a model's unknowns: normal within bounds.
+    """The distribution of a model's unknowns within bounds.
 
     Parameters
     ----------
     centre : ndarray, shape (k,)
     precision : ndarray, shape (k, k)
-        Positive definite.
+        At the centre; positive definite.
     low, high : ndarray, shape (k,)
+    sweeps : Sweeps, optional
+        What it is the distribution of; without it, it is normal.
     """
 
     centre: FloatArray
     precision: FloatArray
     low: FloatArray
     high: FloatArray
-
-    @cached_property
-    def log_determinant(self) -> float:
-        """Of the precision."""
-        return float(np.linalg.slogdet(self.precision)[1])
+    sweeps: Sweeps | None = None
 
     @classmethod
     def of(cls, fit: Fit) -> Known:
         """From a fit: directions that its sweeps leave open have a prior as wide as their range."""
-        problem = fit.problem
-        width = np.minimum(problem.high - problem.low, 100.0)
-        precision = fit.linearised.matrix + np.diag(np.where(problem.precision == 0, 2 * np.pi / width**2, 0.0))
-        scale = np.sqrt(np.diag(precision))
-        # As the evidence of a fit does it: the arithmetic of nearly singular matrices.
-        return cls(fit.unknowns, precision + 1e-12 * np.diag(scale**2), problem.low, problem.high)
+        problem, k = fit.problem, fit.unknowns.size
+        # Where a circuit errs by per cents its solution is the one of the least error, not of the likelihood.
+        normal = misses_by_far(fit.sizes) or not fit.converged
+        sweeps = None if normal else Sweeps(fit.weighed, np.zeros((k, k)), np.zeros(k))
+        return cls(fit.unknowns, _widened(problem, fit.linearised.matrix), problem.low, problem.high, sweeps)
+
+    @cached_property
+    def log_integral(self) -> float:
+        """Of the density relative to that at the centre, by Laplace's method, without powers of 2 pi."""
+        near = self.near(self.centre)
+        gained = float(near.pull @ np.linalg.solve(near.precision, near.pull))
+        return 0.5 * gained - 0.5 * float(np.linalg.slogdet(near.precision)[1])
+
+    @cached_property
+    def normal(self) -> Known:
+        """The normal distribution that is like it at the centre."""
+        return replace(self, sweeps=None)
+
+    def near(self, u: FloatArray) -> Near:
+        """It round a point, to second order."""
+        if self.sweeps is None:
+            return Near(0.0, np.zeros(u.size), self.precision)
+        here = self.sweeps.likelihood.linearised(u)
+        gradient = here.gradient + self.sweeps.taught @ u - self.sweeps.towards
+        precision = _widened(self.sweeps.likelihood, here.matrix) + self.sweeps.taught
+        # What is pushed out of its range stays at the bound.
+        outwards = ((u <= self.low) & (gradient > 0)) | ((u >= self.high) & (gradient < 0))
+        gradient = np.where(outwards, 0.0, gradient)
+        precision = np.where((outwards[:, None] | outwards) & ~np.eye(u.size, dtype=np.bool_), 0.0, precision)
+        away, risen = u - self.centre, self.sweeps.objective(u) - self._at_centre
+        return Near(risen - 2 * float(gradient @ away) + float(away @ precision @ away), precision @ away - gradient, precision)
+
+    def after(self, learnt: Learnt, moving: BoolArray) -> Known:
+        """It after data; `moving` are the unknowns that were searched, all others were taken for linear."""
+        if self.sweeps is None:
+            return replace(self, centre=learnt.centre, precision=learnt.precision)
+        sweeps = replace(self.sweeps, taught=self.sweeps.taught + learnt.taught, towards=self.sweeps.towards + learnt.towards)
+        return replace(self, sweeps=sweeps)._centred_from(learnt.centre if moving.all() else self.centre)
+
+    def _centred_from(self, start: FloatArray) -> Known:
+        """The same with its centre at the maximum near a point (Levenberg and Marquardt): what later data teach may move it along a curve."""
+        here, damping = replace(self, centre=start), 0.0
+        for _ in range(STEPS):
+            near = here.near(here.centre)
+            step = _solved(near.precision + damping * np.diag(np.diag(near.precision)), near.pull)
+            there = replace(here, centre=np.clip(here.centre + step, self.low, self.high))
+            gained = here._at_centre - there._at_centre
+            here, damping = (there, damping / 10) if gained > 0 else (here, max(10 * damping, DAMPING))
+            if abs(gained) < CONVERGED:
+                break
+        return replace(here, precision=here.near(here.centre).precision)
+
+    @cached_property
+    def _at_centre(self) -> float:
+        return 0.0 if self.sweeps is None else self.sweeps.objective(self.centre)
+
+
+def _widened(problem: Problem, matrix: FloatArray) -> FloatArray:
+    """A precision with priors as wide as the range of what the sweeps leave open."""
+    width = np.minimum(problem.high - problem.low, 100.0)
+    precision = matrix + np.diag(np.where(problem.precision == 0, 2 * np.pi / width**2, 0.0))
+    # As the evidence of a fit does it: the arithmetic of nearly singular matrices.
+    return precision + 1e-12 * np.diag(np.diag(precision))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +249,8 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         Sizes of what no model describes -> prior.
     """
     sizes = sizes or UNDESCRIBED
+    # Of a change the unknowns that do not respond stay, in a linear model.
+    whole, known = known, known if prediction.moving.all() else known.normal
     # First with the largest size, then with a typical one: with the latter alone, a resonance that moved by more than its width is not found.
     most, middle = max(sizes), min(sizes, key=lambda size: abs(np.log(size / MIDDLE)))
     here = _Point.of(prediction, known.centre, np.zeros(prediction.size))
@@ -172,7 +271,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
     likeliest = scales[int(np.argmax(best.log_integrals(scales) + log_priors))]
     best = _best_near(best, prediction, white, smooth, likeliest)
     logs = noise + best.log_integrals(scales) + log_priors
-    return Weighed(float(logsumexp(logs)), best.learnt(scales[int(np.argmax(logs))]))
+    return Weighed(float(logsumexp(logs)), whole.after(best.learnt(scales[int(np.argmax(logs))]), prediction.moving))
 
 
 def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: _Smooth, at: Scale) -> _System:
@@ -283,7 +382,10 @@ class _System:
         self._squares = float(self._left @ self._left)
         prior = np.eye(len(self._pull))
         k = known.centre.size
-        prior[:k, :k] = known.precision
+        self._before = near = known.near(here.u)
+        prior[:k, :k] = near.precision
+        self._pull[:k] += near.pull
+        self._squares += near.squares
         self._prior = prior
         self._k = k
         self._unpredicted = np.zeros(len(self._pull), dtype=np.intp)
@@ -334,24 +436,29 @@ class _System:
         wider = np.empty((len(units), count + 1, count + 1))
         wider[:, :count, :count] = matrix * inverse[:, :, None] * inverse[:, None, :] + NEARLY_SINGULAR * np.eye(count)
         wider[:, count, :count] = wider[:, :count, count] = self._pull * units * inverse
-        wider[:, count, count] = 2 * self._squares + 1
+        wider[:, count, count] = 2 * abs(self._squares) + LARGE
         root = np.linalg.cholesky(wider)
         least = self._squares - np.sum(root[:, count, :count] ** 2, axis=1)
         diagonal = np.diagonal(root, axis1=1, axis2=2)[:, :count]
         logdet = 2 * np.sum(np.log(diagonal), axis=1) - 2 * np.sum(np.log(inverse), axis=1)
-        found: FloatArray = -0.5 * least - 0.5 * (logdet - self.known.log_determinant)
+        found: FloatArray = -0.5 * least - 0.5 * logdet - self.known.log_integral
         return found
 
-    def learnt(self, at: Scale) -> Known:
+    def learnt(self, at: Scale) -> Learnt:
         """What is then known of the model's own unknowns."""
         matrix, pull = self._normal(at)
         solution = _solved(matrix, pull)
         k = self._k
-        inner = matrix[k:, k:]
-        precision = matrix[:k, :k] - matrix[:k, k:] @ np.linalg.solve(inner, matrix[k:, :k])
-        known = self.known
-        centre = np.clip(known.centre + solution[:k], known.low, known.high)
-        return Known(centre, 0.5 * (precision + precision.T), known.low, known.high)
+        inner, known = matrix[k:, k:], self.known
+        others = np.linalg.solve(inner, np.column_stack([matrix[k:, :k], pull[k:]]))
+        precision = matrix[:k, :k] - matrix[:k, k:] @ others[:, :k]
+        precision = 0.5 * (precision + precision.T)
+        # Where the prediction was looked at is a point of the search; a last step of the linear model could lead far from it.
+        centre = np.where(self._moving[:k], self.here.u, np.clip(known.centre + solution[:k], known.low, known.high))
+        # These data taught the difference from what was known before.
+        taught = precision - self._before.precision
+        towards = pull[:k] - matrix[:k, k:] @ others[:, k] - self._before.pull + taught @ known.centre
+        return Learnt(centre, precision, taught, towards)
 
 
 def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:

@@ -1,0 +1,115 @@
+"""The evidence of a model of which the data hardly determine one parameter: searched and integrated along it.
+
+Laplace's method (`marginal`) takes the likelihood for a Gaussian round one solution. Where a band shows little but a product of two parameters,
+such as share and corner of a loop whose corner lies below it, the likely values form a long curved valley, which may have several local minima
+that few points do not tell apart. With a rotor cage (corner 1.5 to 2 kHz, band from 150 kHz) the log evidence at the minimum that a search had
+reached was too low by 9, and Laplace's method at the right one by 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import logsumexp
+
+from motoremi.arrays import FloatArray
+from motoremi.fitting.fit import Known, also_from
+from motoremi.fitting.identify import following
+from motoremi.fitting.polish import FINE, polish
+from motoremi.fitting.problem import Problem
+from motoremi.fitting.result import Fit
+from motoremi.fitting.search import ARRIVAL_POINTS, CLOSE, misses_by_far
+from motoremi.model.motor import BASE_PARAMETERS
+from motoremi.threads import one_blas_thread
+
+# Standard deviation of a parameter's logarithm: below the first, the likelihood is as good as Gaussian. Above the second, as a share of the
+# deviation that its range allows, the data say nothing of it, and the prior alone is integrated exactly.
+KNOWN, OPEN = 0.05, 0.8
+# Values of the parameter: so many over its range, and round the solution in standard deviations.
+VALUES, ROUND_IT = 20, (-4.5, -3.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 3.0, 4.5)
+# Steps to the solution at each value, and from a neighbour's to a lower one; twice through all values, so that a solution is passed on; and steps
+# on all points in the end.
+STEPS, PASSES, LAST_STEPS = 20, 2, 40
+# Values whose solution is less probable than the best by more than this factor (logarithm) add nothing.
+NOTHING = 15.0
+# Objectives that differ by less are of one solution.
+SAME = 1.0
+
+
+@one_blas_thread
+def integrated(fit: Fit) -> tuple[Fit, float]:
+    """A fit, or a better one of the same model along the least known parameter of its effects; and what integration along that parameter adds to
+    the log evidence by Laplace's method.
+
+    Nothing is added for a model without effects, with effects whose parameters are known, or with an error of per cents. The sizes of the
+    discrepancy and of the analyser's errors are those of the fit.
+    """
+    better, gained = _along_the_least_known(fit)
+    return (fit, gained) if better is fit else (better, _along_the_least_known(better)[1])
+
+
+def _along_the_least_known(fit: Fit) -> tuple[Fit, float]:
+    """As `integrated`; what is added is that of the given fit."""
+    index = None if misses_by_far(fit.sizes) or not fit.converged else _least_known(fit)
+    if index is None:
+        return fit, 0.0
+    problem, solution, here = fit.weighed, fit.unknowns, fit.linearised
+    low, high = float(problem.low[index]), float(problem.high[index])
+    # Of the likelihood alone; the prior limits it where the data determine next to nothing.
+    deviation = float(np.sqrt(fit.covariance[index, index]))
+    values = np.unique(np.clip([*np.linspace(low, high, VALUES), *(solution[index] + deviation * np.array(ROUND_IT))], low, high))
+    start = problem.clip(solution + following(here.matrix, index) * (values - solution[index])[:, None])
+    start[:, index] = values
+    solutions = _solutions(fit, index, start)
+    there = problem.linearised(solutions)
+    best = int(np.argmin(there.objective))
+    better = also_from(fit, [Known(problem.named(solutions[best]))])
+    if abs(there.objective[best] - fit.objective) > SAME:
+        # A solution that is not the likelihood's own (`_better_than`), or one that was not found again.
+        return better, 0.0
+    densities = -0.5 * there.objective - 0.5 * _log_determinant(problem, np.delete(np.delete(there.matrix, index, 1), index, 2), index)
+    gaps = np.diff(values)
+    widths = 0.5 * (np.append(gaps, 0.0) + np.insert(gaps, 0, 0.0))
+    laplace = -0.5 * fit.objective - 0.5 * float(_log_determinant(problem, here.matrix)) + 0.5 * np.log(2 * np.pi)
+    gained = float(logsumexp(densities, b=widths) - laplace)
+    return better, gained if np.isfinite(gained) else 0.0
+
+
+def _least_known(fit: Fit) -> int | None:
+    """The parameter of an added law with the largest standard deviation, among those that are neither known nor open; its index."""
+    problem = fit.weighed
+    deviations = np.sqrt(np.diag(fit.covariance))
+    open_ones = OPEN * 0.5 * (problem.high - problem.low)
+    of_laws = [i for i, p in enumerate(problem.unknowns) if p not in BASE_PARAMETERS and problem.own[i] and p.scale == "log"]
+    return max((i for i in of_laws if KNOWN < deviations[i] < open_ones[i]), key=lambda i: deviations[i], default=None)
+
+
+def _solutions(fit: Fit, index: int, start: FloatArray) -> FloatArray:
+    """The solutions at several values of one unknown, from start values, shape (m, k): on few points, and the likely ones then on all."""
+    task = fit.task.sweeping(fit.weighed.unknowns[index].name)
+    coarse = task.likelihood(ARRIVAL_POINTS, fit.sizes)
+    ends = polish(coarse, start, iterations=STEPS, precision=CLOSE)
+    found, objective = ends.u, ends.objective
+    for _ in range(PASSES):
+        for here, neighbour in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+            from_neighbour = found[neighbour].copy()
+            from_neighbour[:, index] = start[here, index]
+            ends = polish(coarse, from_neighbour, iterations=STEPS, precision=CLOSE)
+            better = ends.objective < objective[here]
+            found[here] = np.where(better[:, None], ends.u, found[here])
+            objective[here] = np.where(better, ends.objective, objective[here])
+    likely = np.flatnonzero(objective < objective.min() + 2 * NOTHING)
+    # Also from the given start values: on few points another local minimum may be the lowest.
+    ends = polish(task.likelihood(None, fit.sizes), np.concatenate([found[likely], start[likely]]), iterations=LAST_STEPS, precision=FINE)
+    again = ends.objective[likely.size :] < ends.objective[: likely.size]
+    found[likely] = np.where(again[:, None], ends.u[likely.size :], ends.u[: likely.size])
+    return found
+
+
+def _log_determinant(problem: Problem, matrix: FloatArray, without: int | None = None) -> FloatArray:
+    """Of a Gauss-Newton matrix, shape (..., k, k), with flat priors as in `marginal`; without one unknown if its row and column were taken out."""
+    flat = np.where(problem.precision == 0, 2 * np.pi / (problem.high - problem.low) ** 2, 0.0)
+    own = flat if without is None else np.delete(flat, without)
+    diagonal = np.einsum("...ii->...i", matrix) + own
+    scale = np.sqrt(np.maximum(diagonal, 1e-300))
+    scaled = (matrix + own * np.eye(own.size)) / (scale[..., :, None] * scale[..., None, :]) + 1e-12 * np.eye(own.size)
+    return np.asarray(np.linalg.slogdet(scaled)[1] + 2 * np.sum(np.log(scale), axis=-1))
