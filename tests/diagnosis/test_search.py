@@ -105,6 +105,26 @@ def test_where_a_further_effect_gains_nothing_none_is_swapped():
     assert [call for call in made.calls if call.startswith("swap")] == ["swap a of a"]
 
 
+def test_a_set_is_swapped_again_from_a_better_solution_of_its_own():
+    """Only from the second solution of "a" with "b" is "c" found in the place of "a"."""
+
+    class Improving(MadeBoard):
+        improved = False
+
+        def swapped(self, model: Made, effect: str) -> list[Made]:
+            self.calls.append(f"swap {effect} of {''.join(model.added)}")
+            if set(model.added) != {"a", "b"}:
+                return []
+            if effect == "b" and not self.improved:
+                self.improved = True
+                return [Made(model.added, 60.0)]
+            return [Made(("b", "c"), 90.0, True)] if effect == "a" and model.score == 60.0 else []
+
+    scores = {frozenset(): 0.0, frozenset("a"): 10.0, frozenset("ab"): 30.0}
+    found = Improving(scores).explored(BUDGET)
+    assert best_of(found.values()).added == ("b", "c")
+
+
 def test_a_look_alike_that_was_overlooked_is_swapped_in():
     made = board({"": 0, "a": 50, "b": 70}, finished=("b",), overlooked=("b",))
     found = made.explored()

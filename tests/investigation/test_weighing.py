@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 from scipy.stats import norm
 
 from motoremi.arrays import BoolArray, FloatArray, IntArray
-from motoremi.investigation.weighing import UNPREDICTED, Known, weigh
+from motoremi.investigation.weighing import UNPREDICTED, Known, Sweeps, weigh
 
 SIGMA, PRECISION = 0.01, 100.0
 
@@ -54,3 +56,63 @@ def test_the_likelihood_is_that_of_numerical_integration_however_far_a_response_
     total = trapezoid(likelihood * prior / (3 * value), value)
     # Laplace's method leaves out how the prior and the slope change within the peak.
     assert weigh(prediction, known).log_likelihood == pytest.approx(np.log(total), abs=0.05)
+
+
+class Valley:
+    """The likelihood of sweeps that show only the sum of an exponential and another unknown: x + exp(y) = 1, with both in [-4, 4]."""
+
+    low: FloatArray = np.full(2, -4.0)
+    high: FloatArray = np.full(2, 4.0)
+    precision: FloatArray = np.zeros(2)
+
+    def objective(self, u: FloatArray) -> FloatArray:
+        return ((u[..., 0] + np.exp(u[..., 1]) - 1) / SIGMA) ** 2
+
+    def linearised(self, u: FloatArray) -> SimpleNamespace:
+        slope = np.array([1.0, np.exp(u[1])]) / SIGMA
+        left = (u[0] + np.exp(u[1]) - 1) / SIGMA
+        return SimpleNamespace(objective=self.objective(u), gradient=slope * left, matrix=np.outer(slope, slope))
+
+
+class Direct:
+    """A reading of the second unknown."""
+
+    size = 0
+    elsewhere = False
+    density = 0.0
+    moving: BoolArray = np.array([True, True])
+    unpredicted: IntArray = np.zeros(0, dtype=np.intp)
+    sigma: FloatArray = np.full(1, 0.1)
+    smooth: FloatArray = np.zeros((1, 1))
+    errors: FloatArray = np.zeros((0, 1))
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return u[1:], np.array([[0.0], [1.0]]), np.zeros((0, 1))
+
+    def residual(self, mean: FloatArray) -> FloatArray:
+        return self.value - mean
+
+
+def test_a_value_far_along_a_valley_is_compared_with_the_likelihood_itself() -> None:
+    likelihood = Valley()
+    centre = np.array([1 - np.exp(0.2), 0.2])
+    flat = 2 * np.pi / 8**2 * np.eye(2)
+    sweeps = Sweeps(likelihood, np.zeros((2, 2)), np.zeros(2))  # type: ignore[arg-type]
+    known = Known(centre, likelihood.linearised(centre).matrix + flat, likelihood.low, likelihood.high, sweeps)
+
+    for value in (0.2, 0.7, -1.0):
+        found = weigh(Direct(value), known)
+        # On the valley: where the sweeps and the value want it.
+        assert found.known.centre[1] == pytest.approx(value, abs=0.02)
+        assert found.known.centre.sum() - found.known.centre[1] + np.exp(found.known.centre[1]) == pytest.approx(1, abs=SIGMA)
+        # The same on the next value: what was taught is kept beside the sweeps.
+        again = weigh(Direct(value), found.known)
+        assert again.known.precision[1, 1] > found.known.precision[1, 1]
+
+    # The sweeps leave y open over its range; x follows it. So all values are about as likely, which a normal distribution would deny.
+    logs = [weigh(Direct(value), known).log_likelihood for value in (0.2, 0.7, -1.0)]
+    assert np.ptp(logs) < 1.0
+    assert weigh(Direct(-1.0), known.normal).log_likelihood < logs[2]
