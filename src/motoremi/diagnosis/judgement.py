@@ -126,8 +126,9 @@ class Judgement:
         # The sizes of the errors of an analyser without a name are estimated from these sweeps: what is left beside them is no further error of it.
         if not (of_the_analyser_alone(further) and _is_assumed(under.fit)):
             needed = needed or _leaves_less(under, model)
-        clearly_closer = _comes_closer(under, model) and model.score - under.score > CLEAR_GAIN
-        return needed and not (_enough(under) and self._at_one_place(model.added) and not clearly_closer)
+        # An error beyond what noise and the specification of a named analyser leave is no matter of its law alone.
+        closer = not _is_assumed(under.fit) and _comes_closer(under, model) and model.score - under.score > CLEAR_GAIN
+        return needed and not (_enough(under) and self._at_one_place(model.added) and not closer)
 
     def _only_relieves_what_is_assumed(self, under: Candidate, model: Candidate) -> bool:
         """Whether a further effect takes the circuit further away, and only what is assumed of an analyser without a name becomes smaller.
