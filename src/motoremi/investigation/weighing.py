@@ -178,10 +178,14 @@ class Known:
         here = self.sweeps.likelihood.linearised(u)
         gradient = here.gradient + self.sweeps.taught @ u - self.sweeps.towards
         precision = _widened(self.sweeps.likelihood, here.matrix) + self.sweeps.taught
-        # What is pushed out of its range stays at the bound.
         outwards = ((u <= self.low) & (gradient > 0)) | ((u >= self.high) & (gradient < 0))
-        gradient = np.where(outwards, 0.0, gradient)
-        precision = np.where((outwards[:, None] | outwards) & ~np.eye(u.size, dtype=np.bool_), 0.0, precision)
+        if outwards.any():
+            # What is pushed out of its range stays at the bound: the gradient is one whose step moves the others alone, so that the precision, and
+            # with it the integral, is the same as where nothing is pushed.
+            free = np.flatnonzero(~outwards)
+            step = np.zeros(u.size)
+            step[free] = -_solved(precision[np.ix_(free, free)], gradient[free])
+            gradient = -precision @ step
         away, risen = u - self.centre, self.sweeps.objective(u) - self._at_centre
         return Near(risen - 2 * float(gradient @ away) + float(away @ precision @ away), precision @ away - gradient, precision)
 
