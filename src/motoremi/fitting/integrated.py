@@ -52,14 +52,9 @@ def _along_the_least_known(fit: Fit) -> tuple[Fit, float]:
     index = None if misses_by_far(fit.sizes) or not fit.converged else _least_known(fit)
     if index is None:
         return fit, 0.0
-    problem, solution, here = fit.weighed, fit.unknowns, fit.linearised
-    low, high = float(problem.low[index]), float(problem.high[index])
-    # Of the likelihood alone; the prior limits it where the data determine next to nothing.
-    deviation = float(np.sqrt(fit.covariance[index, index]))
-    values = np.unique(np.clip([*np.linspace(low, high, VALUES), *(solution[index] + deviation * np.array(ROUND_IT))], low, high))
-    start = problem.clip(solution + following(here.matrix, index) * (values - solution[index])[:, None])
-    start[:, index] = values
-    solutions = _solutions(fit, index, start)
+    problem, here = fit.weighed, fit.linearised
+    solutions = _solutions(fit, index)
+    values = solutions[:, index]
     there = problem.linearised(solutions)
     best = int(np.argmin(there.objective))
     better = also_from(fit, [Known(problem.named(solutions[best]))])
@@ -83,8 +78,24 @@ def _least_known(fit: Fit) -> int | None:
     return max((i for i in of_laws if KNOWN < deviations[i] < open_ones[i]), key=lambda i: deviations[i], default=None)
 
 
-def _solutions(fit: Fit, index: int, start: FloatArray) -> FloatArray:
-    """The solutions at several values of one unknown, from start values, shape (m, k): on few points, and the likely ones then on all."""
+def valley(fit: Fit) -> FloatArray:
+    """Solutions along the least known parameter of a fit's effects, shape (m, k); none if there is no such parameter.
+
+    They are likely start values where other data are to be described as well.
+    """
+    index = None if misses_by_far(fit.sizes) or not fit.converged else _least_known(fit)
+    return np.empty((0, fit.unknowns.size)) if index is None else _solutions(fit, index)
+
+
+def _solutions(fit: Fit, index: int) -> FloatArray:
+    """The solutions at several values of one unknown, shape (m, k): on few points, and the likely ones then on all."""
+    problem, solution = fit.weighed, fit.unknowns
+    low, high = float(problem.low[index]), float(problem.high[index])
+    # Of the likelihood alone; the prior limits it where the data determine next to nothing.
+    deviation = float(np.sqrt(fit.covariance[index, index]))
+    values = np.unique(np.clip([*np.linspace(low, high, VALUES), *(solution[index] + deviation * np.array(ROUND_IT))], low, high))
+    start = problem.clip(solution + following(fit.linearised.matrix, index) * (values - solution[index])[:, None])
+    start[:, index] = values
     task = fit.task.sweeping(fit.weighed.unknowns[index].name)
     coarse = task.likelihood(ARRIVAL_POINTS, fit.sizes)
     ends = polish(coarse, start, iterations=STEPS, precision=CLOSE)

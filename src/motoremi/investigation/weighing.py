@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from typing import NamedTuple, Protocol, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.special import logsumexp
 
 from motoremi.arrays import BoolArray, FloatArray, IntArray
+from motoremi.fitting.integrated import valley
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import misses_by_far
@@ -110,11 +112,14 @@ class Sweeps:
     likelihood : Problem
     taught, towards : ndarray, shapes (k, k), (k,)
         Of what later data taught minus twice the log is u.taught.u - 2 towards.u.
+    along : callable, optional
+        Gives other likely values, shape (m, k), to start from.
     """
 
     likelihood: Problem
     taught: FloatArray
     towards: FloatArray
+    along: Callable[[], FloatArray] | None = None
 
     def objective(self, u: FloatArray) -> float:
         """Minus twice the log density, up to a constant."""
@@ -156,7 +161,7 @@ class Known:
         problem, k = fit.problem, fit.unknowns.size
         # Where a circuit errs by per cents its solution is the one of the least error, not of the likelihood.
         normal = misses_by_far(fit.sizes) or not fit.converged
-        sweeps = None if normal else Sweeps(fit.weighed, np.zeros((k, k)), np.zeros(k))
+        sweeps = None if normal else Sweeps(fit.weighed, np.zeros((k, k)), np.zeros(k), partial(_valley, fit))
         return cls(fit.unknowns, _widened(problem, fit.linearised.matrix), problem.low, problem.high, sweeps)
 
     @cached_property
@@ -214,6 +219,16 @@ class Known:
         return 0.0 if self.sweeps is None else self.sweeps.objective(self.centre)
 
 
+def _valley(fit: Fit) -> FloatArray:
+    if fit not in _VALLEYS:
+        _VALLEYS[fit] = valley(fit)
+    return _VALLEYS[fit]
+
+
+# Each takes tenths of a second and is asked for at every measurement of another span or circuit.
+_VALLEYS: WeakKeyDictionary[Fit, FloatArray] = WeakKeyDictionary()
+
+
 def _widened(problem: Problem, matrix: FloatArray) -> FloatArray:
     """A precision with priors as wide as the range of what the sweeps leave open."""
     width = np.minimum(problem.high - problem.low, 100.0)
@@ -264,6 +279,14 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         best = _best_near(_System(prediction, known, here, white, smooth), prediction, white, smooth, (most, 1.0, 1.0))
         here = best.here
     best = _best_near(best, prediction, white, smooth, (middle, 1.0, 1.0))
+    if prediction.elsewhere and known.sweeps is not None and known.sweeps.along is not None:
+        # A search creeps along a curved valley: it also starts from the best of the likely values along it.
+        points = [_Point.of(prediction, u, best.here.eta) for u in known.sweeps.along()]
+        others = [_System(prediction, known, point, white, smooth) for point in points]
+        if others:
+            start = min(others, key=lambda other: other.cost((middle, 1.0, 1.0)))
+            other = _best_near(start, prediction, white, smooth, (middle, 1.0, 1.0))
+            best = min(best, other, key=lambda system: system.cost((middle, 1.0, 1.0)))
     noise = prediction.density + white.log_density
     elements, effects = (UNPREDICTED if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
     priors = {
