@@ -13,6 +13,7 @@ import numpy as np
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.belief import (
+    FAMILY_SHARE,
     FAMILY_TOGETHER,
     MOST_ERRING_PERCENT,
     SLIGHT_SHARE,
@@ -431,9 +432,21 @@ class Judgement:
         If a model describes most and not all, its laws are approximate and likelihood ratios mean little: effects whose circuit errs about as
         much are its family.
         """
+        own = {effect: (*family, *self._twins(effect, family)) for effect, family in self.belief.families.items()}
         if self.model.fit.marginal.nothing_left >= 0.5:
-            return self.belief.families
-        return {effect: tuple(dict.fromkeys((*self.belief.families[effect], *self._alike(effect)))) for effect in self.model.added}
+            return own
+        return {effect: tuple(dict.fromkeys((*own[effect], *self._alike(effect)))) for effect in self.model.added}
+
+    def _twins(self, effect: str, family: Key) -> Key:
+        """Other effects with the law of one of a family, as a cage has that of a shorted turn: only their priors differ, so both are told."""
+        named, posterior = tuple(sorted(self.belief.named)), self.belief.posterior
+        told = {find_effect(name).effect.name: find_effect(name).effect.formula for name in family}
+        least, twins = FAMILY_SHARE * posterior[named], []
+        for name, key in in_place_of(effect, named, posterior).items():
+            law = find_effect(name).effect
+            if law.name not in told and law.formula in told.values() and posterior[key] >= least:
+                twins.append(name)
+        return tuple(twins)
 
     @property
     def probability(self) -> float:
