@@ -49,7 +49,7 @@ def integrated(fit: Fit) -> tuple[Fit, float]:
 
 def _along_the_least_known(fit: Fit) -> tuple[Fit, float]:
     """As `integrated`; what is added is that of the given fit."""
-    index = None if misses_by_far(fit.sizes) or not fit.converged else _least_known(fit)
+    index = _least_known(fit)
     if index is None:
         return fit, 0.0
     problem, here = fit.weighed, fit.linearised
@@ -70,7 +70,12 @@ def _along_the_least_known(fit: Fit) -> tuple[Fit, float]:
 
 
 def _least_known(fit: Fit) -> int | None:
-    """The parameter of an added law with the largest standard deviation, among those that are neither known nor open; its index."""
+    """The parameter of an added law with the largest standard deviation, among those that are neither known nor open; its index.
+
+    None also for a fit with an error of per cents, or one that has not converged.
+    """
+    if misses_by_far(fit.sizes) or not fit.converged:
+        return None
     problem = fit.weighed
     deviations = np.sqrt(np.diag(fit.covariance))
     open_ones = OPEN * 0.5 * (problem.high - problem.low)
@@ -83,7 +88,7 @@ def valley(fit: Fit) -> FloatArray:
 
     They are likely start values where other data are to be described as well.
     """
-    index = None if misses_by_far(fit.sizes) or not fit.converged else _least_known(fit)
+    index = _least_known(fit)
     return np.empty((0, fit.unknowns.size)) if index is None else _solutions(fit, index)
 
 
