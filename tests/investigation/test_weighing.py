@@ -73,6 +73,9 @@ class Valley:
         left = (u[0] + np.exp(u[1]) - 1) / SIGMA
         return SimpleNamespace(objective=self.objective(u), gradient=slope * left, matrix=np.outer(slope, slope))
 
+    def curvature_pull(self, here: SimpleNamespace, u: FloatArray, step: FloatArray, fraction: float) -> FloatArray:
+        return np.array([1.0, np.exp(u[1])]) / SIGMA * np.exp(u[1]) * step[1] ** 2 / SIGMA
+
 
 class Direct:
     """A reading of the second unknown."""
@@ -100,7 +103,7 @@ def test_a_value_far_along_a_valley_is_compared_with_the_likelihood_itself() -> 
     likelihood = Valley()
     centre = np.array([1 - np.exp(0.2), 0.2])
     flat = 2 * np.pi / 8**2 * np.eye(2)
-    sweeps = Sweeps(likelihood, np.zeros((2, 2)), np.zeros(2))  # type: ignore[arg-type]
+    sweeps = Sweeps(likelihood, np.zeros((2, 2)), np.zeros(2), fit=None)  # type: ignore[arg-type]
     known = Known(centre, likelihood.linearised(centre).matrix + flat, likelihood.low, likelihood.high, sweeps)
 
     for value in (0.2, 0.7, -1.0):

@@ -33,10 +33,10 @@ MISJUDGED = 0.15
 def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> Rivals:
     """The explanations that remain, updated by sweeps under conditions and single values.
 
-    Sets with two relaxations at one place describe almost any curve and count as outside the catalogue.
+    Sets with two relaxations at one place describe almost any curve and count as outside the catalogue, unless the family that is reported has one.
     """
-    scores = _scores(judgement)
-    credible = {key: (one.fit, scores[key]) for key, one in judgement.found.items() if not distributed(key)}
+    scores, family = _scores(judgement), judgement.alternatives if judgement.accepted else ()
+    credible = {key: (one.fit, scores[key]) for key, one in judgement.found.items() if key in family or not distributed(key)}
     if judgement.aside:
         best = max(score for _, score in credible.values())
         together = float(logsumexp([one.score for one in judgement.aside.values()]))

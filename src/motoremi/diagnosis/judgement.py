@@ -127,9 +127,13 @@ class Judgement:
         # The sizes of the errors of an analyser without a name are estimated from these sweeps: what is left beside them is no further error of it.
         if not (of_the_analyser_alone(further) and _is_assumed(under.fit)):
             needed = needed or _leaves_less(under, model)
+        return needed and not self._corrects_laws(under, model)
+
+    def _corrects_laws(self, under: Candidate, model: Candidate) -> bool:
+        """Whether a model that describes enough is followed by one with more effects at its place: they describe that laws are approximate."""
         # An error beyond what noise and the specification of a named analyser leave is no matter of its law alone.
         closer = not _is_assumed(under.fit) and _comes_closer(under, model) and model.score - under.score > CLEAR_GAIN
-        return needed and not (_enough(under) and self._at_one_place(model.added) and not closer)
+        return _enough(under) and self._at_one_place((*under.added, *model.added)) and not closer
 
     def _only_relieves_what_is_assumed(self, under: Candidate, model: Candidate) -> bool:
         """Whether a further effect takes the circuit further away, and only what is assumed of an analyser without a name becomes smaller.
@@ -143,8 +147,9 @@ class Judgement:
     @property
     def of_needed(self) -> Judgement:
         """The judgement among the sets of the most probable model's size and the larger ones of which every effect is needed."""
-        size = len(self.best.added)
-        under = {key: self._under(one) for key, one in self.found.items() if len(key) > size}
+        best, size = self.best, len(self.best.added)
+        # Another set with more effects at the place of one that describes enough is no better than that one with a further effect.
+        under = {key: self._under(one) for key, one in self.found.items() if len(key) > size and not self._corrects_laws(best, one)}
         larger = {key: self.found[key] for key, fewer in under.items() if fewer is not None and self._needs_all(self.found[key], fewer)}
         return self.among({**{key: one for key, one in self.found.items() if len(key) <= size}, **larger})
 

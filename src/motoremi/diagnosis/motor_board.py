@@ -41,7 +41,7 @@ from motoremi.fitting.race import (
     raced_alone,
 )
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
-from motoremi.fitting.search import CLOSER, Solution, misses_by_far
+from motoremi.fitting.search import CLOSER, PLAIN, Solution, misses_by_far
 from motoremi.model.effects import find_effect
 from motoremi.progress import part
 from motoremi.workers import Map
@@ -229,8 +229,10 @@ class MotorBoard:
         }
         if model.done:
             # Others may leave nothing too, and equal weights of the points distinguish nothing there: all starts of a rotor cage in the place of a
-            # skin effect were in a minimum whose log evidence is lower by 96.
-            trails = {name: dataclasses.replace(trail, left=model.fit.sizes) for name, trail in trails.items()}
+            # skin effect were in a minimum whose log evidence is lower by 96. With next to no discrepancy no start leaves its minimum: those of a
+            # cage in the place of a relaxation all ended far from the true one, which was more probable than the relaxation by e^68.
+            left = model.fit.sizes._replace(discrepancy=max(model.fit.sizes.discrepancy, PLAIN))
+            trails = {name: dataclasses.replace(trail, left=left) for name, trail in trails.items()}
         alike = {name: trail for name, trail in trails.items() if name == effect or _alike(name, effect)}
         others = {name: trail for name, trail in trails.items() if name not in alike}
         # Look-alikes are fitted to the end: only the likelihood distinguishes them.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple, Protocol, TypeAlias
 from weakref import WeakKeyDictionary
@@ -20,9 +20,10 @@ from scipy.special import logsumexp
 
 from motoremi.arrays import BoolArray, FloatArray, IntArray
 from motoremi.fitting.integrated import valley
+from motoremi.fitting.polish import BACK_DAMPING, UNDAMPED
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import misses_by_far
+from motoremi.fitting.search import PLAIN, misses_by_far
 
 # Relative size of what no model describes of a change -> prior. The least is what a motor repeats to. An assumption; unconfirmed.
 UNDESCRIBED = {5e-4: 0.45, 2e-3: 0.3, 8e-3: 0.17, 3e-2: 0.08}
@@ -35,14 +36,22 @@ UNDESCRIBED_OUTSIDE = {5e-4: 0.23, 2e-3: 0.2, 8e-3: 0.2, 3e-2: 0.17, 0.1: 0.13, 
 # elements and one for all effects: otherwise a model with many parameters, none of which changed, would be penalised for each. An assumption;
 # unconfirmed.
 UNPREDICTED = {0.01: 0.4, 0.1: 0.3, 1.0: 0.3}
+# The same for an effect outside the catalogue: it may change the elements that describe it by more than any element of a motor.
+UNPREDICTED_OUTSIDE = {0.01: 0.3, 0.1: 0.25, 1.0: 0.25, 10.0: 0.2}
 # Where the search for the best ends: at a size in the middle.
 MIDDLE = 2e-3
 # White noise that is added at first and reduced in stages: probable responses are then found before every point is fitted.
 BLURS = (0.3, 0.03, 0.0)
 # Largest number of steps of each part, and its first damping.
 STEPS, DAMPING = 25, 1e-3
-# Standard deviations beyond which no response is looked for.
-FARTHEST_RESPONSE = 6.0
+# Least damping after a step that failed: along a curved valley more of it makes all steps small.
+LEAST_DAMPING = 1e-8
+# Standard deviations beyond which no response is looked for: a capacitance that usually repeats to 2 % may then halve. A search that ends here
+# has no solution, and its likelihood means nothing.
+FARTHEST_RESPONSE = 40.0
+# A step that gains less than this share of what the linear model promised is bent; its second derivative is taken over this share of it; and the
+# largest correction, squared, as a share of the step (Transtrum and Sethna 2012).
+PROMISED, AHEAD, GENTLE = 0.7, 0.1, 0.16
 # Smallest gain of a step, and the same as a share of the cost: an explanation whose cost is thousands need not be refined.
 CONVERGED, CONVERGED_SHARE = 1e-2, 1e-4
 # Added to the diagonal of a scaled matrix: the arithmetic of nearly singular matrices.
@@ -112,14 +121,14 @@ class Sweeps:
     likelihood : Problem
     taught, towards : ndarray, shapes (k, k), (k,)
         Of what later data taught minus twice the log is u.taught.u - 2 towards.u.
-    along : callable, optional
-        Gives other likely values, shape (m, k), to start from.
+    fit : Fit
+        Has other likely values to start from.
     """
 
     likelihood: Problem
     taught: FloatArray
     towards: FloatArray
-    along: Callable[[], FloatArray] | None = None
+    fit: Fit
 
     def objective(self, u: FloatArray) -> float:
         """Minus twice the log density, up to a constant."""
@@ -161,7 +170,7 @@ class Known:
         problem, k = fit.problem, fit.unknowns.size
         # Where a circuit errs by per cents its solution is the one of the least error, not of the likelihood.
         normal = misses_by_far(fit.sizes) or not fit.converged
-        sweeps = None if normal else Sweeps(fit.weighed, np.zeros((k, k)), np.zeros(k), partial(_valley, fit))
+        sweeps = None if normal else Sweeps(fit.weighed, np.zeros((k, k)), np.zeros(k), fit)
         return cls(fit.unknowns, _widened(problem, fit.linearised.matrix), problem.low, problem.high, sweeps)
 
     @cached_property
@@ -213,6 +222,13 @@ class Known:
             if abs(gained) < CONVERGED:
                 break
         return replace(here, precision=here.near(here.centre).precision)
+
+    def bend(self, u: FloatArray, step: FloatArray) -> FloatArray:
+        """Slopes times the second derivative, along a step, of what its squares are summed of, shape (k,); 0 for a normal distribution."""
+        if self.sweeps is None:
+            return np.zeros(u.size)
+        likelihood = self.sweeps.likelihood
+        return likelihood.curvature_pull(likelihood.linearised(u), u, step, AHEAD)
 
     @cached_property
     def _at_centre(self) -> float:
@@ -279,45 +295,68 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         best = _best_near(_System(prediction, known, here, white, smooth), prediction, white, smooth, (most, 1.0, 1.0))
         here = best.here
     best = _best_near(best, prediction, white, smooth, (middle, 1.0, 1.0))
-    if prediction.elsewhere and known.sweeps is not None and known.sweeps.along is not None:
-        # A search creeps along a curved valley: it also starts from the best of the likely values along it.
-        points = [_Point.of(prediction, u, best.here.eta) for u in known.sweeps.along()]
-        others = [_System(prediction, known, point, white, smooth) for point in points]
-        if others:
-            start = min(others, key=lambda other: other.cost((middle, 1.0, 1.0)))
-            other = _best_near(start, prediction, white, smooth, (middle, 1.0, 1.0))
-            best = min(best, other, key=lambda system: system.cost((middle, 1.0, 1.0)))
+    if prediction.elsewhere and known.sweeps is not None:
+        # The least known parameter may have to move far along a valley.
+        best = _best_from(_valley(known.sweeps.fit), best, prediction, white, smooth, (middle, 1.0, 1.0))
+        if best.likeliest([(size, 1.0, 1.0) for size in sizes])[0] >= PLAIN:
+            # It misses by per cents: a resonance that the sweeps at hand do not show may be in the wrong place.
+            others = known.sweeps.fit.unknowns + known.sweeps.fit.alternatives
+            best = _best_from(others, best, prediction, white, smooth, (middle, 1.0, 1.0))
     noise = prediction.density + white.log_density
-    elements, effects = (UNPREDICTED if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
+    unpredicted = UNPREDICTED_OUTSIDE if sizes is UNDESCRIBED_OUTSIDE else UNPREDICTED
+    elements, effects = (unpredicted if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
     priors = {
         (size, *widths): float(np.log(prior * elements[widths[0]] * effects[widths[1]]))
         for size, prior in sizes.items()
         for widths in product(elements, effects)
     }
     scales, log_priors = list(priors), np.array(list(priors.values()))
-    likeliest = scales[int(np.argmax(best.log_integrals(scales) + log_priors))]
-    best = _best_near(best, prediction, white, smooth, likeliest)
+    best = _best_near(best, prediction, white, smooth, best.likeliest(scales, log_priors))
     logs = noise + best.log_integrals(scales) + log_priors
     return Weighed(float(logsumexp(logs)), whole.after(best.learnt(scales[int(np.argmax(logs))]), prediction.moving))
 
 
+def _best_from(starts: FloatArray, best: _System, prediction: Prediction, white: _Whitening, smooth: _Smooth, at: Scale) -> _System:
+    """The best of a search so far, or that from the likeliest of other start values, shape (m, k)."""
+    others = [_System(prediction, best.known, _Point.of(prediction, u, best.here.eta), white, smooth) for u in starts]
+    if not others:
+        return best
+    other = _best_near(min(others, key=lambda one: one.cost(at)), prediction, white, smooth, at)
+    return min(best, other, key=lambda one: one.cost(at))
+
+
 def _best_near(best: _System, prediction: Prediction, white: _Whitening, smooth: _Smooth, at: Scale) -> _System:
-    """The most likely unknowns for one size of the discrepancy (Levenberg and Marquardt)."""
+    """The most likely unknowns for one size of the discrepancy (Levenberg and Marquardt, with a geodesic correction along curved valleys)."""
     known, k = best.known, best.known.centre.size
-    damping, cost, failed = DAMPING, best.cost(at), False
-    for _ in range(STEPS):
-        wanted = best.damped(at, damping)
+
+    def within(wanted: FloatArray) -> FloatArray:
         # The linear model of the unknowns is valid near the fit only: unknowns on which the prediction hardly depends are not changed.
         u = np.where(prediction.moving, np.clip(known.centre + wanted[:k], known.low, known.high), known.centre)
-        eta = np.clip(wanted[k:], -FARTHEST_RESPONSE, FARTHEST_RESPONSE)
-        trial = _System(prediction, known, _Point.of(prediction, u, eta), white, smooth)
+        return np.concatenate([u - known.centre, np.clip(wanted[k:], -FARTHEST_RESPONSE, FARTHEST_RESPONSE)])
+
+    def moved(wanted: FloatArray) -> _System:
+        return _System(prediction, known, _Point.of(prediction, known.centre + wanted[:k], wanted[k:]), white, smooth)
+
+    damping, cost, failed, bent = DAMPING, best.cost(at), False, False
+    for _ in range(STEPS):
+        wanted = within(best.damped(at, damping))
+        promised = cost - best.cost(at, wanted)
+        if bent:
+            wanted = within(best.corrected(at, damping, wanted, prediction))
+        trial = moved(wanted)
+        if trial.cost(at) > cost > trial.least(at):
+            # Along a curved valley: a second step, back to its floor.
+            trial = moved(within(trial.damped(at, max(damping, BACK_DAMPING))))
         gained = cost - trial.cost(at)
+        bent |= gained < PROMISED * promised
         if gained > 0:
             # Right after a failure the damping is kept: with less, the next step would fail again.
             best, cost, damping, failed = trial, cost - gained, damping if failed else damping / 10, False
         else:
-            damping, failed = max(10 * damping, DAMPING), True
-        if abs(gained) < max(CONVERGED, CONVERGED_SHARE * cost):
+            damping, failed = max(10 * damping, LEAST_DAMPING), True
+        small = max(CONVERGED, CONVERGED_SHARE * cost)
+        # A small gain means convergence only if damping did not make the step small.
+        if abs(gained) < small and (damping > 1 or cost - best.least(at) < UNDAMPED * small):
             break
     return best
 
@@ -395,8 +434,9 @@ class _System:
 
     def __init__(self, prediction: Prediction, known: Known, here: _Point, white: Callable[[FloatArray], FloatArray], smooth: _Smooth) -> None:
         self.known, self.here = known, here
-        away = np.concatenate([here.u - known.centre, here.eta])
         slopes = white(here.slopes)
+        away = np.concatenate([here.u - known.centre, here.eta])
+        self._slopes, self._smooth, self._white = slopes, smooth, white
         # The prediction as if it were linear from the centre on.
         self._left = white(here.left[None])[0] + away @ slopes
         self._own, self._undescribed = len(slopes), len(smooth.rows)
@@ -443,11 +483,35 @@ class _System:
         solution = _solved(matrix + np.diag(held), pull + held * self._away / scales)
         return (solution * scales)[: self._own]
 
-    def cost(self, at: Scale) -> float:
-        """Minus twice the log of likelihood times prior at this very point, all in which the prediction is linear at its best."""
+    def corrected(self, at: Scale, damping: float, wanted: FloatArray, prediction: Prediction) -> FloatArray:
+        """The end of a step after a geodesic correction (Transtrum and Sethna 2012), or the same end if the correction is large."""
+        k, own = self._k, self._own
+        step = wanted - self._away[:own]
+        ahead, _, _ = prediction.at(self.here.u + AHEAD * step[:k], self.here.eta + AHEAD * step[k:])
+        turned = self._white((self.here.left - prediction.residual(ahead))[None])[0]
+        second = (2 / AHEAD) * (turned / AHEAD - step @ self._slopes)
+        bend = np.concatenate([self._slopes @ second, self._smooth.rows @ second])
+        bend[:k] += self.known.bend(self.here.u, step[:k])
+        matrix, _ = self._normal(at)
+        scales, diagonal = self._scales(at), np.diag(matrix)
+        turn = -0.5 * (_solved(matrix + np.diag(np.where(self._moving, damping * diagonal, 0.0)), bend * scales) * scales)[:own]
+        weights = np.where(self._moving, diagonal / scales**2, 0.0)[:own]
+        return wanted + turn if turn**2 @ weights < GENTLE * (step**2 @ weights) else wanted
+
+    def least(self, at: Scale) -> float:
+        """The lowest cost by the linear model."""
+        matrix, pull = self._normal(at)
+        return self._squares - float(pull @ _solved(matrix, pull))
+
+    def cost(self, at: Scale, there: FloatArray | None = None) -> float:
+        """Minus twice the log of likelihood times prior at this very point, or at another one by the linear model.
+
+        All in which the prediction is linear is at its best.
+        """
         matrix, pull = self._normal(at)
         moving, still = np.flatnonzero(self._moving), np.flatnonzero(~self._moving)
-        away = (self._away / self._scales(at))[moving]
+        point = self._away if there is None else np.concatenate([there, self._away[self._own :]])
+        away = (point / self._scales(at))[moving]
         left = pull[still] - matrix[np.ix_(still, moving)] @ away
         squares = self._squares - 2 * float(away @ pull[moving]) + float(away @ matrix[np.ix_(moving, moving)] @ away)
         taken = float(left @ np.linalg.solve(matrix[np.ix_(still, still)], left)) if left.size else 0.0
@@ -470,6 +534,10 @@ class _System:
         logdet = 2 * np.sum(np.log(diagonal), axis=1) - 2 * np.sum(np.log(inverse), axis=1)
         found: FloatArray = -0.5 * least - 0.5 * logdet - self.known.log_integral
         return found
+
+    def likeliest(self, scales: Sequence[Scale], log_priors: FloatArray | float = 0.0) -> Scale:
+        """The most probable one of some scales."""
+        return scales[int(np.argmax(self.log_integrals(scales) + log_priors))]
 
     def learnt(self, at: Scale) -> Learnt:
         """What is then known of the model's own unknowns."""
