@@ -59,22 +59,25 @@ def test_the_likelihood_is_that_of_numerical_integration_however_far_a_response_
 
 
 class Valley:
-    """The likelihood of sweeps that show only the sum of an exponential and another unknown: x + exp(y) = 1, with both in [-4, 4]."""
+    """The likelihood of sweeps that show only the sum of an exponential and another unknown: x + exp(y) = 1 within sigma, with both in [-4, 4]."""
+
+    def __init__(self, sigma: float) -> None:
+        self.sigma = sigma
 
     low: FloatArray = np.full(2, -4.0)
     high: FloatArray = np.full(2, 4.0)
     precision: FloatArray = np.zeros(2)
 
     def objective(self, u: FloatArray) -> FloatArray:
-        return ((u[..., 0] + np.exp(u[..., 1]) - 1) / SIGMA) ** 2
+        return ((u[..., 0] + np.exp(u[..., 1]) - 1) / self.sigma) ** 2
 
     def linearised(self, u: FloatArray) -> SimpleNamespace:
-        slope = np.array([1.0, np.exp(u[1])]) / SIGMA
-        left = (u[0] + np.exp(u[1]) - 1) / SIGMA
+        slope = np.array([1.0, np.exp(u[1])]) / self.sigma
+        left = (u[0] + np.exp(u[1]) - 1) / self.sigma
         return SimpleNamespace(objective=self.objective(u), gradient=slope * left, matrix=np.outer(slope, slope))
 
     def curvature_pull(self, here: SimpleNamespace, u: FloatArray, step: FloatArray, fraction: float) -> FloatArray:
-        return np.array([1.0, np.exp(u[1])]) / SIGMA * np.exp(u[1]) * step[1] ** 2 / SIGMA
+        return np.array([1.0, np.exp(u[1])]) / self.sigma * np.exp(u[1]) * step[1] ** 2 / self.sigma
 
 
 class Direct:
@@ -99,8 +102,9 @@ class Direct:
         return self.value - mean
 
 
-def test_a_value_far_along_a_valley_is_compared_with_the_likelihood_itself() -> None:
-    likelihood = Valley()
+@pytest.mark.parametrize("sigma", [1e-2, 1e-4])
+def test_a_value_far_along_a_valley_is_compared_with_the_likelihood_itself(sigma: float) -> None:
+    likelihood = Valley(sigma)
     centre = np.array([1 - np.exp(0.2), 0.2])
     flat = 2 * np.pi / 8**2 * np.eye(2)
     sweeps = Sweeps(likelihood, np.zeros((2, 2)), np.zeros(2), fit=None)  # type: ignore[arg-type]
@@ -110,7 +114,7 @@ def test_a_value_far_along_a_valley_is_compared_with_the_likelihood_itself() -> 
         found = weigh(Direct(value), known)
         # On the valley: where the sweeps and the value want it.
         assert found.known.centre[1] == pytest.approx(value, abs=0.02)
-        assert found.known.centre.sum() - found.known.centre[1] + np.exp(found.known.centre[1]) == pytest.approx(1, abs=SIGMA)
+        assert found.known.centre.sum() - found.known.centre[1] + np.exp(found.known.centre[1]) == pytest.approx(1, abs=sigma)
         # The same on the next value: what was taught is kept beside the sweeps.
         again = weigh(Direct(value), found.known)
         assert again.known.precision[1, 1] > found.known.precision[1, 1]
