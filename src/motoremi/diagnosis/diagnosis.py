@@ -457,7 +457,9 @@ def _concluded(
     singles = [one for key, one in judgement.found.items() if len(key) == 1]
     inclusion = belief.inclusion
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
-    confidence = _confidence(judgement, verdict, named, families, findings) if against is None else RELIABLE[CONTRADICTIONS[against.id]]
+    confidence = (
+        _confidence(judgement, verdict, named, families, findings, bool(rivals.taught)) if against is None else RELIABLE[CONTRADICTIONS[against.id]]
+    )
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
         singles.sort(key=closeness)
@@ -542,13 +544,12 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
     return "family" if families else "missing-effect"
 
 
-def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], findings: Sequence[Finding]) -> float:
+def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], findings: Sequence[Finding], measured: bool) -> float:
     """Probability of the named set times the lowest `RELIABLE` of all kinds that apply."""
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
-    if len(named) > 2:
-        kinds.append("three names")
-    elif len(named) > 1:
-        kinds.append("two names" if judgement.describes_nearly_all is None else "two names, one describes nearly all")
+    if named and judgement.of_several is not None and not measured:
+        # Further measurements have updated that.
+        kinds.append(judgement.of_several)
     if named and judgement.model.unusual:
         kinds.append("unusual values")
     if named and judgement.base.measurement.terminations == ("open",):

@@ -53,6 +53,8 @@ def rivals_in(judgement: Judgement, measurement: Measurement | None = None) -> R
         outside = RELIABLE["unexplained, nearly all described"]
     if judgement.named and judgement.model.unusual:
         outside = max(outside, 1 - RELIABLE["unusual values"])
+    if judgement.of_several is not None:
+        outside = max(outside, 1 - RELIABLE[judgement.of_several])
     start = rivals_of(credible, outside, 1 - RELIABLE["imitated"])
     return update(start, measurement or judgement.base.measurement)
 

@@ -240,6 +240,15 @@ class Judgement:
         return max((one for one in singles if one.fit.unexplained_percent["value"] <= enough), key=lambda one: one.score, default=None)
 
     @property
+    def of_several(self) -> str | None:
+        """How reliable it is that several effects are named, a key of `belief.RELIABLE`; None for one effect or none."""
+        if len(self.named) < 2:
+            return None
+        if len(self.named) > 2:
+            return "three names"
+        return "two names" if self.describes_nearly_all is None else "two names, one describes nearly all"
+
+    @property
     def undecided(self) -> bool:
         """Whether an effect is more probable than none but not named, because analyser errors describe the same."""
         return bool(self.belief.named) and not self.named and not self.accurate
