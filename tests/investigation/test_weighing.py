@@ -66,7 +66,7 @@ class Valley:
 
     low: FloatArray = np.full(2, -4.0)
     high: FloatArray = np.full(2, 4.0)
-    precision: FloatArray = np.zeros(2)
+    flat_precision: FloatArray = np.full(2, 2 * np.pi / 8**2)
 
     def objective(self, u: FloatArray) -> FloatArray:
         return ((u[..., 0] + np.exp(u[..., 1]) - 1) / self.sigma) ** 2

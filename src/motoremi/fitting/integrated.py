@@ -123,8 +123,7 @@ def _solutions(fit: Fit, index: int) -> FloatArray:
 
 def _log_determinant(problem: Problem, matrix: FloatArray, without: int | None = None) -> FloatArray:
     """Of a Gauss-Newton matrix, shape (..., k, k), with flat priors as in `marginal`; without one unknown if its row and column were taken out."""
-    flat = np.where(problem.precision == 0, 2 * np.pi / (problem.high - problem.low) ** 2, 0.0)
-    own = flat if without is None else np.delete(flat, without)
+    own = problem.flat_precision if without is None else np.delete(problem.flat_precision, without)
     diagonal = np.einsum("...ii->...i", matrix) + own
     scale = np.sqrt(np.maximum(diagonal, 1e-300))
     scaled = (matrix + own * np.eye(own.size)) / (scale[..., :, None] * scale[..., None, :]) + 1e-12 * np.eye(own.size)

@@ -151,10 +151,9 @@ def _log_evidences(problem: Problem, u: FloatArray, products: ComplexArray, decl
     precision = problem.precision_at(declared)
     away = u - problem.centre
     gradients = gradients + precision * away
-    flat = precision == 0
-    width = problem.high - problem.low
+    priors = precision + problem.flat_precision
     index = np.arange(u.size)
-    matrices[:, index, index] += precision + np.where(flat, 2 * np.pi / width**2, 0.0)
+    matrices[:, index, index] += priors
     scale = np.sqrt(np.maximum(matrices[:, index, index], 1e-300))
     scaled = matrices / (scale[:, :, None] * scale[:, None, :])
     scaled[:, index, index] += 1e-12
@@ -169,5 +168,5 @@ def _log_evidences(problem: Problem, u: FloatArray, products: ComplexArray, decl
     gained = (2 * share - share**2) * np.sum(pull * step, axis=1)
     objective = squares + float(away**2 @ precision) - gained
     determinants = np.linalg.slogdet(scaled)[1] + 2 * np.sum(np.log(scale), axis=1)
-    prior = np.sum(np.where(flat, 0.5 * np.log(2 * np.pi) - np.log(width), 0.5 * np.log(np.maximum(precision, 1e-300))))
-    return -0.5 * objective - whitening.log_determinants(DISCREPANCIES) - analyser - 0.5 * determinants + prior
+    prior = np.sum(np.log(np.maximum(priors, 1e-300)))
+    return -0.5 * objective - whitening.log_determinants(DISCREPANCIES) - analyser - 0.5 * determinants + 0.5 * prior

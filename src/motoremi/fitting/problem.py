@@ -210,6 +210,11 @@ class Problem:
                 centre[index] = 0.5 * (self.high[index] + self.low[index])
         return precision, centre
 
+    @cached_property
+    def flat_precision(self) -> FloatArray:
+        """Precision of the normal distribution whose density is that of a flat prior over the range, shape (k,); 0 where there is another prior."""
+        return np.where(self.precision == 0, 2 * np.pi / (self.high - self.low) ** 2, 0.0)
+
     def precision_at(self, declared: float) -> FloatArray:
         """Precision of the priors at another scale of the declared errors, shape (k,)."""
         ratio = (self.sizes.declared / declared) ** 2

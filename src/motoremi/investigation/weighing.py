@@ -247,8 +247,7 @@ _VALLEYS: WeakKeyDictionary[Fit, FloatArray] = WeakKeyDictionary()
 
 def _widened(problem: Problem, matrix: FloatArray) -> FloatArray:
     """A precision with priors as wide as the range of what the sweeps leave open."""
-    width = np.minimum(problem.high - problem.low, 100.0)
-    precision = matrix + np.diag(np.where(problem.precision == 0, 2 * np.pi / width**2, 0.0))
+    precision = matrix + np.diag(problem.flat_precision)
     # As the evidence of a fit does it: the arithmetic of nearly singular matrices.
     return precision + 1e-12 * np.diag(np.diag(precision))
 
