@@ -12,8 +12,9 @@ import motoremi as me
 from motoremi.data.conditions import parse_condition
 from motoremi.data.measurement import Measurement
 from motoremi.investigation.conditioned import by_condition
+from motoremi.investigation.known import Known
 from motoremi.investigation.outcome import Outcome
-from motoremi.investigation.weighing import Known, weigh
+from motoremi.investigation.weighing import weigh
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 201)
 ESR = "suppressor-capacitor@pair.esr_ohm"

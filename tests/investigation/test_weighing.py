@@ -10,7 +10,8 @@ from scipy.integrate import trapezoid
 from scipy.stats import norm
 
 from motoremi.arrays import BoolArray, FloatArray, IntArray
-from motoremi.investigation.weighing import UNPREDICTED, Known, Sweeps, weigh
+from motoremi.investigation.known import Known, Sweeps
+from motoremi.investigation.weighing import UNPREDICTED, weigh
 
 SIGMA, PRECISION = 0.01, 100.0
 

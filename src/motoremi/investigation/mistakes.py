@@ -12,9 +12,10 @@ from motoremi.data.kernels import interpolated, smooth_basis
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.fitting.result import Fit
+from motoremi.investigation.known import Known
 from motoremi.investigation.menu import Option
 from motoremi.investigation.outcome import SMOOTH, Observed, Outcome
-from motoremi.investigation.weighing import Known, anything, weigh
+from motoremi.investigation.weighing import anything, weigh
 
 # Prior of a mistake: one action in twenty. An assumption; unconfirmed.
 WRONG = 0.05

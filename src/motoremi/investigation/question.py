@@ -25,7 +25,7 @@ from motoremi.investigation.menu import BY_NAME, MENU, SWEEP_MINUTES, Option
 from motoremi.investigation.outcome import Outcome, ValueOutcome
 from motoremi.investigation.responses import NONE_AT_ALL
 from motoremi.investigation.rivals import OUTSIDE, Rival, Rivals
-from motoremi.investigation.weighing import Prediction
+from motoremi.investigation.system import Prediction
 from motoremi.quantities import show
 from motoremi.threads import one_blas_thread
 

@@ -22,11 +22,12 @@ from motoremi.data.conditions import VALUES, SingleValue
 from motoremi.data.measurement import Measurement
 from motoremi.fitting.result import Fit
 from motoremi.investigation.conditioned import by_condition
+from motoremi.investigation.known import Known
 from motoremi.investigation.menu import BY_NAME, Option
 from motoremi.investigation.mistakes import STRANGE_VALUE, WRONG, Mistake, mistakes, repeated
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.responses import NONE_AT_ALL
-from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Known, Weighed, anything, mixed, weigh
+from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Weighed, anything, mixed, weigh
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 from motoremi.threads import one_blas_thread
