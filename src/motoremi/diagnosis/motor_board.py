@@ -108,6 +108,11 @@ class MotorBoard:
             trails = {**pairs, **beside}
         leading = self._near_best(size, solutions)
         near = self._refitted(trails, leading)
+        if all(one.exchanged for one in near):
+            # They are not kept, so those near the best of the others are fitted instead.
+            kept = {key: solution for key, solution in solutions.items() if key not in leading}
+            following = {key: kept[key] for key, distance in Best().behind(kept).items() if distance <= BEHIND}
+            leading, near = {**leading, **following}, near + self._refitted(trails, following)
         if size == 1 and not any(one.leaves_nothing and one.fit.instrument_sigma <= SPECIFIED_SIGMA for one in near):
             behind = {key: trail for key, trail in trails.items() if key not in solutions}
             with_parts, again = self._counted()
