@@ -36,6 +36,7 @@ class LinearProblem:
         self.centre = np.where(precision > 0, 0.1, 0.0)
         self.low, self.high = np.full(count, -width / 2), np.full(count, width / 2)
         self.own = np.zeros(count, dtype=np.bool_)
+        self.flat_precision = np.where(precision == 0, 2 * np.pi / width**2, 0.0)
 
     @cached_property
     def weight(self) -> FloatArray:

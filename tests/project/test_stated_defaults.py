@@ -347,7 +347,10 @@ def test_numbers_of_the_pages_on_evidence_are_those_of_the_code():
         (details, f"sweeps that begin below {machine.CAGE_SEEN_BELOW_HZ / 1e3:g} kHz"),
         (
             investigations,
-            f"{100 * informed.OUTSIDE['explained']:g} % if a model describes everything, up to {100 * informed.OUTSIDE['not']:g} % if none",
+            f"{100 * informed.OUTSIDE['explained']:g} % if one effect describes everything, "
+            f"{100 * (1 - belief.RELIABLE['two names']):g} % if two or three do "
+            f"({100 * (1 - belief.RELIABLE['two names, one describes nearly all']):g} % if one of two describes nearly all), "
+            f"up to {100 * informed.OUTSIDE['not']:g} % if none",
         ),
         (investigations, f"from {100 * min(weighing.UNDESCRIBED):g} % to {100 * max(weighing.UNDESCRIBED):g} %"),
         (investigations, f"{responses.ROOM_DEGC:g} ± {responses.ROOM_SIGMA_K:g} °C"),
