@@ -77,7 +77,7 @@ class Valley:
         left = (u[0] + np.exp(u[1]) - 1) / self.sigma
         return SimpleNamespace(objective=self.objective(u), gradient=slope * left, matrix=np.outer(slope, slope))
 
-    def curvature_pull(self, here: SimpleNamespace, u: FloatArray, step: FloatArray, fraction: float) -> FloatArray:
+    def curvature_pull(self, here: SimpleNamespace, u: FloatArray, step: FloatArray) -> FloatArray:
         return np.array([1.0, np.exp(u[1])]) / self.sigma * np.exp(u[1]) * step[1] ** 2 / self.sigma
 
 

@@ -548,7 +548,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     """Probability of the named set times the lowest `RELIABLE` of all kinds that apply."""
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
     if named and judgement.of_several is not None and not measured:
-        # Further measurements have updated that.
+        # Further measurements have updated it, as the probability of an effect outside the catalogue (`rivals_in`).
         kinds.append(judgement.of_several)
     if named and judgement.model.unusual:
         kinds.append("unusual values")

@@ -24,6 +24,9 @@ UNDAMPED = 30.0
 SHARP = 1e-6
 # In error bars: a remaining step that is shorter changes the objective by less than a hundredth. Steps of a fine polish where it is longer.
 STRAIGHT, CURVED_STEPS = 0.1, 200
+# A step that gains less than this share of what the linear model promises is followed by corrected ones; and the largest correction, squared, as a
+# share of the step (Transtrum and Sethna 2012).
+PROMISED, GENTLE = 0.7, 0.16
 # Least damping of a step back to a narrow minimum: it should not lead along the minimum.
 BACK_DAMPING = 1e-5
 
@@ -135,7 +138,7 @@ def polish(
             bend = np.where(newton.held, 0.0, problem.curvature_pull(here, u, step))
             turn = -0.5 * np.linalg.solve(newton.system, bend[..., None])[..., 0]
             spread = _diagonal(here.matrix)
-            gentle = np.einsum("ij,ij->i", turn**2, spread) < 0.16 * np.einsum("ij,ij->i", step**2, spread)
+            gentle = np.einsum("ij,ij->i", turn**2, spread) < GENTLE * np.einsum("ij,ij->i", step**2, spread)
             corrected: FloatArray = np.where(gentle[:, None], step + turn, step)
             step = _limited(corrected)
             evaluations += live.size
@@ -152,7 +155,7 @@ def polish(
             evaluations += watchdog_step(problem, trial, new, here.objective, damped)
         gained = here.objective - new.objective
         better = gained >= 0
-        bent |= gained < 0.7 * expected
+        bent |= gained < PROMISED * expected
         small = precision.tolerance + precision.relative * here.objective
         # A small step means convergence only if damping did not make it small: along a shallow minimum even a little damping does.
         free = (damped < 1e-2) | (damped > 1e8)

@@ -41,6 +41,8 @@ ALLOWED = 3.0
 SEARCHED = 0.01
 # Residuals of connection and fixture are not clipped; this many standard deviations only keep the arithmetic finite.
 FAR = 1e4
+# The second derivative along a step is taken over this share of it.
+AHEAD = 0.1
 # Standard deviations of R, L, G and C of leads that stayed where they were.
 NOT_MOVED = np.zeros(4)
 
@@ -385,13 +387,13 @@ class Problem:
         gradient = (_product(jacobian, residual) - _product(along, residual_along)) * chain + self.precision * (u - self.centre)
         return Linearised(objective, gradient, matrix, deviation, slopes, along, chain)
 
-    def curvature_pull(self, here: Linearised, u: FloatArray, step: FloatArray, fraction: float = 0.1) -> FloatArray:
+    def curvature_pull(self, here: Linearised, u: FloatArray, step: FloatArray) -> FloatArray:
         """J' C^-1 times the second derivative of the residuals along `step`, by one more evaluation; shape (..., k)."""
         weight, jacobian = self.observed.weight, here.slopes.view(np.float64)
-        turned = self.residual(u + fraction * step) - here.deviation / weight
+        turned = self.residual(u + AHEAD * step) - here.deviation / weight
         turned = (_wrapped(turned) if self.weights != "relative" and self._quantity is None else turned) * weight
         along_step: ComplexArray = ((step * here.chain)[..., None, :] @ jacobian)[..., 0, :].view(np.complex128)
-        second = (2 / fraction) * (turned / fraction - along_step)
+        second = (2 / AHEAD) * (turned / AHEAD - along_step)
         return self.pull(here, second)
 
     def pull(self, here: Linearised, weighted: ComplexArray) -> FloatArray:

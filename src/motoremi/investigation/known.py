@@ -143,15 +143,12 @@ class Known:
                 break
         return replace(here, precision=here.near(here.centre).precision)
 
-    def bend(self, u: FloatArray, step: FloatArray, fraction: float) -> FloatArray:
-        """Slopes times the second derivative, along a step, of what its squares are summed of, shape (k,); 0 for a normal distribution.
-
-        Taken by one evaluation at a fraction of the step.
-        """
+    def bend(self, u: FloatArray, step: FloatArray) -> FloatArray:
+        """Slopes times the second derivative, along a step, of what its squares are summed of, shape (k,); 0 for a normal distribution."""
         if self.sweeps is None:
             return np.zeros(u.size)
         likelihood = self.sweeps.likelihood
-        return likelihood.curvature_pull(likelihood.linearised(u), u, step, fraction)
+        return likelihood.curvature_pull(likelihood.linearised(u), u, step)
 
     @cached_property
     def _at_centre(self) -> float:

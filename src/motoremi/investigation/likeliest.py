@@ -5,33 +5,31 @@ from __future__ import annotations
 import numpy as np
 
 from motoremi.arrays import FloatArray
-from motoremi.fitting.polish import BACK_DAMPING, UNDAMPED
+from motoremi.fitting.polish import BACK_DAMPING, PROMISED, UNDAMPED
 from motoremi.investigation.known import CONVERGED, DAMPING, STEPS
-from motoremi.investigation.system import Point, Prediction, Scale, Smooth, System, Whitening
+from motoremi.investigation.system import Scale, System
 
 # Least damping after a step that failed: along a curved valley more of it makes all steps small.
 LEAST_DAMPING = 1e-8
 # Standard deviations beyond which no response is looked for: a capacitance that usually repeats to 2 % may then halve. A search that ends here
 # has no solution, and its likelihood means nothing.
 FARTHEST_RESPONSE = 40.0
-# A step that gains less than this share of what the linear model promised is followed by bent ones.
-PROMISED = 0.7
 # Smallest gain of a step as a share of the cost: an explanation whose cost is thousands need not be refined.
 CONVERGED_SHARE = 1e-4
 
 
-def best_from(starts: FloatArray, best: System, prediction: Prediction, white: Whitening, smooth: Smooth, at: Scale) -> System:
+def best_from(starts: FloatArray, best: System, at: Scale) -> System:
     """The best of a search so far, or that from the likeliest of other start values, shape (m, k)."""
-    others = [System(prediction, best.known, Point.of(prediction, u, best.here.eta), white, smooth) for u in starts]
+    others = [best.moved_to(u, best.here.eta) for u in starts]
     if not others:
         return best
-    other = best_near(min(others, key=lambda one: one.cost(at)), prediction, white, smooth, at)
+    other = best_near(min(others, key=lambda one: one.cost(at)), at)
     return min(best, other, key=lambda one: one.cost(at))
 
 
-def best_near(best: System, prediction: Prediction, white: Whitening, smooth: Smooth, at: Scale) -> System:
+def best_near(best: System, at: Scale) -> System:
     """The most likely unknowns for one size of the discrepancy (Levenberg and Marquardt, with a geodesic correction along curved valleys)."""
-    known, k = best.known, best.known.centre.size
+    prediction, known, k = best.prediction, best.known, best.known.centre.size
 
     def within(wanted: FloatArray) -> FloatArray:
         # The linear model of the unknowns is valid near the fit only: unknowns on which the prediction hardly depends are not changed.
@@ -39,14 +37,14 @@ def best_near(best: System, prediction: Prediction, white: Whitening, smooth: Sm
         return np.concatenate([u - known.centre, np.clip(wanted[k:], -FARTHEST_RESPONSE, FARTHEST_RESPONSE)])
 
     def moved(wanted: FloatArray) -> System:
-        return System(prediction, known, Point.of(prediction, known.centre + wanted[:k], wanted[k:]), white, smooth)
+        return best.moved_to(known.centre + wanted[:k], wanted[k:])
 
     damping, cost, failed, bent = DAMPING, best.cost(at), False, False
     for _ in range(STEPS):
         wanted = within(best.damped(at, damping))
         promised = cost - best.cost(at, wanted)
         if bent:
-            wanted = within(best.corrected(at, damping, wanted, prediction))
+            wanted = within(best.corrected(at, damping, wanted))
         trial = moved(wanted)
         if trial.cost(at) > cost > trial.least(at):
             # Along a curved valley: a second step, back to its floor.

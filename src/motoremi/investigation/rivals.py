@@ -27,7 +27,7 @@ from motoremi.investigation.menu import BY_NAME, Option
 from motoremi.investigation.mistakes import STRANGE_VALUE, WRONG, Mistake, mistakes, repeated
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.responses import NONE_AT_ALL
-from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, Weighed, anything, mixed, weigh
+from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, UNPREDICTED_OUTSIDE, Weighed, anything, mixed, weigh
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 from motoremi.threads import one_blas_thread
@@ -322,7 +322,8 @@ def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
     """An effect outside the catalogue responds like any model that describes the reference sweeps, or departs from it."""
     departs = BY_NAME[sweeps[0].condition.id].reaches_motor
     near = rivals.nearest
-    own = [weigh(Outcome(one.fit, sweeps, listed=False), one.known, UNDESCRIBED_OUTSIDE if departs else None) for one in near]
+    priors = (UNDESCRIBED_OUTSIDE, UNPREDICTED_OUTSIDE) if departs else (None, None)
+    own = [weigh(Outcome(one.fit, sweeps, listed=False), one.known, *priors) for one in near]
     logs = np.array([one.log_weight for one in near])
     like_them = float(logsumexp(logs - logsumexp(logs) + [one.log_likelihood for one in own]))
     if BY_NAME[sweeps[0].condition.id].kind == "standard":

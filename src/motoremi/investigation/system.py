@@ -11,11 +11,10 @@ from typing import NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, IntArray
+from motoremi.fitting.polish import GENTLE
+from motoremi.fitting.problem import AHEAD
 from motoremi.investigation.known import NEARLY_SINGULAR, Known, Learnt, solved
 
-# The second derivative along a step is taken over this share of it; and the largest correction, squared, as a share of the step (Transtrum and
-# Sethna 2012).
-AHEAD, GENTLE = 0.1, 0.16
 # In the corner of a matrix whose root has the misfit: more than any misfit that a solution can gain.
 LARGE = 1e6
 # Size of what no model describes, and shares of the unpredictable changes of elements and of effects.
@@ -116,7 +115,7 @@ class System:
     """The least-squares problem round one point: unknowns are u less its centre, eta, and coefficients of the smooth columns."""
 
     def __init__(self, prediction: Prediction, known: Known, here: Point, white: Callable[[FloatArray], FloatArray], smooth: Smooth) -> None:
-        self.known, self.here = known, here
+        self.prediction, self.known, self.here = prediction, known, here
         slopes = white(here.slopes)
         away = np.concatenate([here.u - known.centre, here.eta])
         self._slopes, self._smooth, self._white = slopes, smooth, white
@@ -146,6 +145,10 @@ class System:
         self._moving = np.arange(len(self._pull)) < self._own
         self._moving[:k] &= prediction.moving
 
+    def moved_to(self, u: FloatArray, eta: FloatArray) -> System:
+        """The same problem round another point."""
+        return System(self.prediction, self.known, Point.of(self.prediction, u, eta), self._white, self._smooth)
+
     def _scales(self, at: Scale) -> FloatArray:
         """The unit of each unknown in the normal equations: a width for unpredictable changes, and the size of what no model describes."""
         size, *widths = at
@@ -158,26 +161,30 @@ class System:
             self._equations[at] = self._gram * scales * scales[:, None] + self._prior, self._pull * scales
         return self._equations[at]
 
+    def _held(self, matrix: FloatArray, damping: float) -> FloatArray:
+        """What damping adds to the diagonal: the unknowns in which the prediction is linear are free."""
+        return np.where(self._moving, damping * np.diag(matrix), 0.0)
+
     def damped(self, at: Scale, damping: float) -> FloatArray:
         """The best of the model's unknowns, less their centre, and of eta, if the prediction were linear and a step cost something."""
         matrix, pull = self._normal(at)
         scales = self._scales(at)
-        held = np.where(self._moving, damping * np.diag(matrix), 0.0)
+        held = self._held(matrix, damping)
         solution = solved(matrix + np.diag(held), pull + held * self._away / scales)
         return (solution * scales)[: self._own]
 
-    def corrected(self, at: Scale, damping: float, wanted: FloatArray, prediction: Prediction) -> FloatArray:
+    def corrected(self, at: Scale, damping: float, wanted: FloatArray) -> FloatArray:
         """The end of a step after a geodesic correction (Transtrum and Sethna 2012), or the same end if the correction is large."""
         k, own = self._k, self._own
         step = wanted - self._away[:own]
-        ahead, _, _ = prediction.at(self.here.u + AHEAD * step[:k], self.here.eta + AHEAD * step[k:])
-        turned = self._white((self.here.left - prediction.residual(ahead))[None])[0]
+        ahead, _, _ = self.prediction.at(self.here.u + AHEAD * step[:k], self.here.eta + AHEAD * step[k:])
+        turned = self._white((self.here.left - self.prediction.residual(ahead))[None])[0]
         second = (2 / AHEAD) * (turned / AHEAD - step @ self._slopes)
         bend = np.concatenate([self._slopes @ second, self._smooth.rows @ second])
-        bend[:k] += self.known.bend(self.here.u, step[:k], AHEAD)
+        bend[:k] += self.known.bend(self.here.u, step[:k])
         matrix, _ = self._normal(at)
         scales, diagonal = self._scales(at), np.diag(matrix)
-        turn = -0.5 * (solved(matrix + np.diag(np.where(self._moving, damping * diagonal, 0.0)), bend * scales) * scales)[:own]
+        turn = -0.5 * (solved(matrix + np.diag(self._held(matrix, damping)), bend * scales) * scales)[:own]
         weights = np.where(self._moving, diagonal / scales**2, 0.0)[:own]
         return wanted + turn if turn**2 @ weights < GENTLE * (step**2 @ weights) else wanted
 

@@ -33,7 +33,8 @@ UNDESCRIBED_OUTSIDE = {5e-4: 0.23, 2e-3: 0.2, 8e-3: 0.2, 3e-2: 0.17, 0.1: 0.13, 
 # elements and one for all effects: otherwise a model with many parameters, none of which changed, would be penalised for each. An assumption;
 # unconfirmed.
 UNPREDICTED = {0.01: 0.4, 0.1: 0.3, 1.0: 0.3}
-# The same for an effect outside the catalogue: it may change the elements that describe it by more than any element of a motor.
+# The same for an effect outside the catalogue: it may change the elements that describe it by more than any element of a motor. An assumption;
+# unconfirmed.
 UNPREDICTED_OUTSIDE = {0.01: 0.3, 0.1: 0.25, 1.0: 0.25, 10.0: 0.2}
 # Where the search for the best ends: at a size in the middle.
 MIDDLE = 2e-3
@@ -60,7 +61,7 @@ class Weighed:
     unchanged: float = 0.0
 
 
-def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None = None) -> Weighed:
+def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None = None, unpredicted: dict[float, float] | None = None) -> Weighed:
     """The likelihood of data under one prediction.
 
     Parameters
@@ -70,28 +71,29 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         Distribution of the model's unknowns before these data.
     sizes : dict, optional
         Sizes of what no model describes -> prior.
+    unpredicted : dict, optional
+        Shares of their prior width by which elements and parameters change without a predicted response -> prior.
     """
-    sizes = sizes or UNDESCRIBED
+    sizes, unpredicted = sizes or UNDESCRIBED, unpredicted or UNPREDICTED
     # Of a change the unknowns that do not respond stay, in a linear model.
     whole, known = known, known if prediction.moving.all() else known.normal
     # First with the largest size, then with a typical one: with the latter alone, a resonance that moved by more than its width is not found.
-    most, middle = max(sizes), min(sizes, key=lambda size: abs(np.log(size / MIDDLE)))
+    most, in_the_middle = max(sizes), (min(sizes, key=lambda size: abs(np.log(size / MIDDLE))), 1.0, 1.0)
     here = Point.of(prediction, known.centre, np.zeros(prediction.size))
     for blur in BLURS:
         white = Whitening(prediction, blur)
         smooth = Smooth.of(white(prediction.smooth))
-        best = best_near(System(prediction, known, here, white, smooth), prediction, white, smooth, (most, 1.0, 1.0))
+        best = best_near(System(prediction, known, here, white, smooth), (most, 1.0, 1.0))
         here = best.here
-    best = best_near(best, prediction, white, smooth, (middle, 1.0, 1.0))
+    best = best_near(best, in_the_middle)
     if prediction.elsewhere and known.sweeps is not None:
         # The least known parameter may have to move far along a valley.
-        best = best_from(_valley(known.sweeps.fit), best, prediction, white, smooth, (middle, 1.0, 1.0))
+        best = best_from(_valley(known.sweeps.fit), best, in_the_middle)
         if best.likeliest([(size, 1.0, 1.0) for size in sizes])[0] >= PLAIN:
             # It misses by per cents: a resonance that the sweeps at hand do not show may be in the wrong place.
             others = known.sweeps.fit.unknowns + known.sweeps.fit.alternatives
-            best = best_from(others, best, prediction, white, smooth, (middle, 1.0, 1.0))
+            best = best_from(others, best, in_the_middle)
     noise = prediction.density + white.log_density
-    unpredicted = UNPREDICTED_OUTSIDE if sizes is UNDESCRIBED_OUTSIDE else UNPREDICTED
     elements, effects = (unpredicted if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
     priors = {
         (size, *widths): float(np.log(prior * elements[widths[0]] * effects[widths[1]]))
@@ -99,7 +101,7 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         for widths in product(elements, effects)
     }
     scales, log_priors = list(priors), np.array(list(priors.values()))
-    best = best_near(best, prediction, white, smooth, best.likeliest(scales, log_priors))
+    best = best_near(best, best.likeliest(scales, log_priors))
     logs = noise + best.log_integrals(scales) + log_priors
     return Weighed(float(logsumexp(logs)), whole.after(best.learnt(scales[int(np.argmax(logs))]), prediction.moving))
 
