@@ -8,8 +8,11 @@ const tip = () => document.getElementById("tip");
 
 export async function loadTerms() {
   terms = await get("/api/terms");
-  document.addEventListener("mouseover", (event) => point(event.target));
-  document.addEventListener("focusin", (event) => point(event.target));
+  // A scrolling page moves elements under a pointer at rest: only a pointer that leaves a term hides
+  // its explanation, and then that of the focused term is shown again.
+  document.addEventListener("mouseover", (event) => named(event.target) && explain(event.target));
+  document.addEventListener("mouseout", (event) => named(event.target) && explain(document.activeElement));
+  document.addEventListener("focusin", (event) => explain(event.target));
 }
 
 export function term(name, shown = name) {
@@ -20,8 +23,12 @@ export function hideTip() {
   tip().hidden = true;
 }
 
-function point(target) {
-  const about = target.closest?.("[data-term]");
+function named(target) {
+  return target?.closest?.("[data-term]");
+}
+
+function explain(target) {
+  const about = named(target);
   const text = about && terms[about.dataset.term];
   tip().hidden = !text;
   if (!text) return;
