@@ -8,13 +8,13 @@ contain errors of search, catalogue and declared analyser.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from motoremi.diagnosis.explore import Key, M
+from motoremi.diagnosis.explore import Key, M, in_place_of
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import BEYOND_SIGMA
 
@@ -164,21 +164,6 @@ def _rivals(best: Key, effect: str, posterior: Mapping[Key, float], together: fl
     total = posterior[best] + sum(shares.values())
     before = posterior[best] + np.cumsum([0.0, *(shares[name] for name in ranked)])
     return tuple(name for name, sum_before in zip(ranked, before, strict=False) if sum_before < together * total)
-
-
-def in_place_of(effect: str, key: Sequence[str], found: Iterable[Key]) -> dict[str, Key]:
-    """Other effects, each with the set that was found with it in the place of one effect of a set."""
-    rest = list(key)
-    rest.remove(effect)
-    others: dict[str, Key] = {}
-    for other in found:
-        left = list(other)
-        for name in rest:
-            if name in left:
-                left.remove(name)
-        if len(other) == len(key) and len(left) == 1 and left[0] != effect:
-            others[left[0]] = other
-    return others
 
 
 def agreeing(posterior: Mapping[Key, float], named: Key, families: Mapping[str, Key]) -> float:

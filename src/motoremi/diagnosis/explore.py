@@ -1,15 +1,18 @@
 """The search over sets of effects, those of one size after the other.
 
 All sets of a size are compared (`Board.sets`). In the best of them one effect is then *swapped* for another, started from the
-solution so that a look-alike cannot lose by not converging; and one that was there before may be *dropped*. The search ends when everything is
-described, when a further effect gains nothing (pairs are tried nevertheless if the base errs by far), or at the largest size. A `Board`
-supplies the models and their scores: of motors for sweeps (`motor_board`), of sources for spectra (`emission.board`).
+solution so that a look-alike cannot lose by not converging; a swap that hardly changes a likely model is made in the others as well; and one that
+was there before may be *dropped*. The search ends when everything is described, when a further effect gains nothing (pairs are tried nevertheless
+if the base errs by far), or at the largest size. A `Board` supplies the models and their scores: of motors for sweeps (`motor_board`), of sources
+for spectra (`emission.board`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from math import inf
 from typing import Protocol, TypeVar
 
@@ -50,8 +53,8 @@ class Board(Protocol[M]):
     def sets(self, size: int, found: Mapping[Key, M], progress: Progress | None) -> Iterable[M]:
         """Models with this many effects, given those with fewer; only those near the best."""
 
-    def swapped(self, model: M, effect: str) -> Iterable[M]:
-        """The model with others in the place of one of its effects, fitted from its solution."""
+    def swapped(self, model: M, effect: str, only: str = "") -> Iterable[M]:
+        """The model with others, or `only` one, in the place of one of its effects, fitted from its solution."""
 
     def dropped(self, model: M, effect: str) -> M:
         """The model without one of its effects, fitted from its solution."""
@@ -69,11 +72,14 @@ class Budget:
         Largest number of rounds of swaps, for each size. Their count is the largest size: more than three effects describe almost any curve.
     gain : float
         Smallest gain in log score of a further effect or a swap: odds of 20 to 1.
+    loss : float
+        Models within this log score of the best one are rivals of it: a swap between two of them is made in all.
     """
 
     swapped: tuple[int, ...] = (2, 2, 1)
     swaps: tuple[int, ...] = (2, 3, 2)
     gain: float = 3.0
+    loss: float = 12.0
 
     @property
     def most_effects(self) -> int:
@@ -110,6 +116,7 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
         _take(found, board.sets(size, found, part(own, 0.0, COMPARING)))
         if best_of(found.values()).score - before.score >= budget.gain:
             _swap(board, found, size, budget, part(own, COMPARING, 1.0))
+            _swap_as_well(board, found, size, budget)
         elif size > 1 or not board.much_is_left:
             # If no further effect gains enough, swapping it cannot help.
             break
@@ -143,6 +150,40 @@ def _swap(board: Board[M], found: dict[Key, M], size: int, budget: Budget, progr
                     progress(f"others for {effect}", done, most)
                 done += 1
                 _take(found, board.swapped(found[key_of(model)], effect))
+
+
+def _swap_as_well(board: Board[M], found: dict[Key, M], size: int, budget: Budget) -> None:
+    """Make each swap that hardly changed one of the likely models of a size in the others that have the same effect.
+
+    If both effects of a pair have a look-alike, the model with both of these is as likely as well, and no swap in the best model leads to it.
+    """
+    leaders = ranked(found, size)
+    near = [model for model in leaders if model.score >= leaders[0].score - budget.loss]
+    for before, after in permutations(near, 2):
+        gone, new = Counter(before.added) - Counter(after.added), Counter(after.added) - Counter(before.added)
+        if gone.total() != 1:
+            continue
+        (old,), (other,) = gone, new
+        for model in near:
+            expected = model.score + after.score - before.score
+            key = tuple(sorted((Counter(model.added) - gone + new).elements()))
+            if old in model.added and key not in found and expected >= leaders[0].score - budget.loss:
+                _take(found, board.swapped(model, old, other))
+
+
+def in_place_of(effect: str, key: Sequence[str], found: Iterable[Key]) -> dict[str, Key]:
+    """Other effects, each with the set that was found with it in the place of one effect of a set."""
+    rest = list(key)
+    rest.remove(effect)
+    others: dict[str, Key] = {}
+    for other in found:
+        left = list(other)
+        for name in rest:
+            if name in left:
+                left.remove(name)
+        if len(other) == len(key) and len(left) == 1 and left[0] != effect:
+            others[left[0]] = other
+    return others
 
 
 def ranked(found: Mapping[Key, M], size: int) -> list[M]:

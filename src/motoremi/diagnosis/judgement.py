@@ -22,10 +22,9 @@ from motoremi.diagnosis.belief import (
     acceptance_of,
     agreeing,
     believe,
-    in_place_of,
 )
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA, Candidate, Effects, candidate, seen_in
-from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
+from motoremi.diagnosis.explore import Budget, Key, best_of, explore, in_place_of, key_of
 from motoremi.diagnosis.motor_board import MotorBoard
 from motoremi.fitting.integrated import integrated
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit

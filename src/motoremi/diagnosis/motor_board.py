@@ -102,7 +102,7 @@ class MotorBoard:
             solutions = _likeliest_orders([race(trails, SINGLES, (), progress, self._each).solutions])
         else:
             pairs = {} if self._contain_the_best(found) else self.leading_pairs(found, part(progress, 0.0, 0.8))
-            beside = {**self._only_beside(found), **self._beside_the_best(found, 1)}
+            beside = {**self._only_beside(found), **self._beside_singles(found)}
             races = ((pairs, ARRIVING, part(progress, 0.8, 0.9)), (beside, SINGLES, part(progress, 0.9, 1.0)))
             solutions = _likeliest_orders([race(each, rounds, (), own, self._each).solutions for each, rounds, own in races])
             trails = {**pairs, **beside}
@@ -182,6 +182,20 @@ class MotorBoard:
         best = _best_with_little_left(found, size, errs_little=size > 1)
         return {} if best is None else {(*best.added, name): trail_to(best.fit, name) for name in possible_effects(best.fit)}
 
+    @staticmethod
+    def _beside_singles(found: Mapping[Key, Candidate]) -> Mapping[Key, Trail]:
+        """Each effect with each single one that leaves little, one for each law.
+
+        Beside a relaxing permeability, the most probable single effect, nothing was as probable as a contact beside a rotor cage, which alone was
+        less probable by e^36.
+        """
+        if (best := _best_with_little_left(found, 1)) is None:
+            return {}
+        most_percent = best.fit.rms_error_percent
+        little = [one.fit for one in ranked(found, 1) if little_is_left(one.fit.sizes) or one.fit.rms_error_percent < most_percent]
+        fits = {find_effect(fit.effects[-1]).effect.formula: fit for fit in reversed(little)}
+        return {(fit.effects[-1], name): trail_to(fit, name) for fit in fits.values() for name in possible_effects(fit)}
+
     def _only_beside(self, found: Mapping[Key, Candidate]) -> Mapping[Key, Trail]:
         """Effects that make a difference only beside another one (a choke between a capacitor and the brushes), beside each of those."""
         alone = set(possible_effects(self._base))
@@ -219,14 +233,14 @@ class MotorBoard:
                 chosen.append(pair)
         return {pair: dataclasses.replace(trails[pair], starts=reached[pair].starts) for pair in chosen[: ARRIVING.arriving]}
 
-    def swapped(self, model: Candidate, effect: str) -> list[Candidate]:
-        """The model with each effect that is visible in the same sweeps instead of this one.
+    def swapped(self, model: Candidate, effect: str, only: str = "") -> list[Candidate]:
+        """The model with each effect that is visible in the same sweeps, or with `only` one, instead of this one.
 
         Also with this one from new start values, since its local minimum may be a wrong one.
         """
         under = self._without(model.fit, effect)
         place = seen_in(under, effect)
-        names = [name for name in possible_effects(under) if seen_in(under, name) == place]
+        names = [name for name in possible_effects(under) if (name == only if only else seen_in(under, name) == place)]
         near = {**under.parameters, **model.fit.nuisance}
         parts = {name: parts_of(trail, name) for name, trail in self._alone.items()}
         trails = {

@@ -110,11 +110,11 @@ class SpectrumBoard:
                 kept.append(model)
         return kept[:BEAM]
 
-    def swapped(self, model: Candidate, effect: str) -> Iterator[Candidate]:
-        """The model with each look-alike of the effect in its place."""
+    def swapped(self, model: Candidate, effect: str, only: str = "") -> Iterator[Candidate]:
+        """The model with each look-alike of the effect, or `only` one, in its place."""
         effects, values = _without(model.fit, effect)
         for name in self._possible:
-            if name not in model.added and _alike(name, effect):
+            if name not in model.added and _alike(name, effect) and only in ("", name):
                 starts = _starts(self._problem, effects, name, [values])
                 yield self._weighed(fit_spectra(self._problem, (*effects, name), starts, _FROM_NEAR))
 

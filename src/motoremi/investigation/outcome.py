@@ -11,7 +11,7 @@ normal; what compensation leaves at a connection that is made anew; and smooth e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -77,15 +77,17 @@ class Outcome:
     fit : Fit
     sweeps : sequence of Observed
         All of one condition.
-    listed : bool
-        Whether the responses that effects name come.
+    silent : collection of str, optional
+        Labels of effects whose stated responses do not come; None for all.
     option : Option, optional
         The row of the menu; by default that of the condition.
     sound : bool
         Whether the analyser has none of the model's errors: what they were taken for is then in the motor, and no standard shows it.
     """
 
-    def __init__(self, fit: Fit, sweeps: Sequence[Observed], listed: bool = True, option: Option | None = None, sound: bool = False) -> None:
+    def __init__(
+        self, fit: Fit, sweeps: Sequence[Observed], silent: Collection[str] | None = (), option: Option | None = None, sound: bool = False
+    ) -> None:
         self.fit, self.sweeps, self._sound = fit, tuple(sweeps), sound
         self.condition = self.sweeps[0].condition
         self.option = option or BY_NAME[self.condition.id]
@@ -96,7 +98,7 @@ class Outcome:
         self._part = _added_part(self.option, self.condition, fit.motor)
         self._names = [p.name for p in problem.everything] + ([] if self._part is None else [self._part.parameter.name])
         found = responses(self.condition, self._names, self.option) if self.option.kind == "change" else Responses((), 1)
-        self._responses = found if listed else found.without_listed()
+        self._responses = found.without(found.answering if silent is None else silent)
         self._anew = self._connections()
         self._units = [self._unit(sweep) for sweep in self.sweeps]
         self.size = self._responses.size + len(self._anew)
@@ -108,9 +110,9 @@ class Outcome:
         self._kept: dict[int, tuple[FloatArray, tuple[ComplexArray, ComplexArray]]] = {}
 
     @property
-    def listed(self) -> bool:
-        """Whether an effect names a response to this condition, which may come or not."""
-        return self._responses.listed
+    def answering(self) -> tuple[str, ...]:
+        """Labels of the effects that state a response to this condition, which may come or not."""
+        return self._responses.answering
 
     @property
     def absolute(self) -> bool:
@@ -120,8 +122,7 @@ class Outcome:
     @cached_property
     def moving(self) -> BoolArray:
         """The unknowns on which it depends by more than a little, shape (k,): of a change those of the parts that respond to it."""
-        answering = {one.parameter.rpartition(".")[0] for one in self._responses.members if one.listed}
-        return np.array([self.absolute or p.name.rpartition(".")[0] in answering for p in self.fit.problem.unknowns], dtype=np.bool_)
+        return np.array([self.absolute or p.name.rpartition(".")[0] in self.answering for p in self.fit.problem.unknowns], dtype=np.bool_)
 
     @property
     def elsewhere(self) -> bool:
@@ -429,7 +430,6 @@ class ValueOutcome:
     value : SingleValue
     """
 
-    listed = False
     size = 1
     elsewhere = False
     density = 0.0

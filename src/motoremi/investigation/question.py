@@ -23,7 +23,7 @@ from motoremi.data.mislabelled import measured_twice
 from motoremi.investigation.conditioned import POINTS_AHEAD, ahead, asked_condition
 from motoremi.investigation.menu import BY_NAME, MENU, SWEEP_MINUTES, Option
 from motoremi.investigation.outcome import Outcome, ValueOutcome
-from motoremi.investigation.responses import NONE_AT_ALL
+from motoremi.investigation.responses import ways
 from motoremi.investigation.rivals import OUTSIDE, Rival, Rivals
 from motoremi.investigation.system import Prediction
 from motoremi.quantities import show
@@ -311,13 +311,11 @@ def _predictions(option: Option, rival: Rival, measurement: Measurement, points:
     if not sweeps:
         return []
     if rival.outside and option.reaches_motor:
-        return [(1.0, Outcome(rival.fit, sweeps, listed=False, option=option))]
+        return [(1.0, Outcome(rival.fit, sweeps, None, option))]
     if rival.outside and option.kind == "standard":
         return [(0.5, Outcome(rival.fit, sweeps, option=option)), (0.5, Outcome(rival.fit, sweeps, option=option, sound=True))]
-    responding = Outcome(rival.fit, sweeps, option=option)
-    if not responding.listed:
-        return [(1.0, responding)]
-    return [(1 - NONE_AT_ALL, responding), (NONE_AT_ALL, Outcome(rival.fit, sweeps, listed=False, option=option))]
+    answering = Outcome(rival.fit, sweeps, option=option).answering
+    return [(share, Outcome(rival.fit, sweeps, silent, option)) for share, silent in ways(answering)]
 
 
 def _value(option: Option, rival: Rival) -> SingleValue:

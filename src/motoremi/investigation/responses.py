@@ -7,8 +7,9 @@ may be absent; elements and effects without a named response change by what `men
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -26,7 +27,7 @@ ROOM_DEGC, ROOM_SIGMA_K = 23.0, 3.0
 WARMED_BY_K = 30.0
 # A response is known within this factor.
 RESPONSE_FACTOR = 2.0
-# Probability that a response named by the catalogue does not occur. An assumption; unconfirmed.
+# Probability that an effect does not respond as the catalogue says. An assumption; unconfirmed.
 NONE_AT_ALL = 0.1
 # What "gone" leaves.
 GONE = 0.05
@@ -57,6 +58,11 @@ class Response:
     number: int
     listed: bool = False
     unpredicted: int = 0
+
+    @property
+    def label(self) -> str:
+        """Label of the effect that the parameter belongs to; empty for an element."""
+        return self.parameter.rpartition(".")[0]
 
     def logarithm(self, eta: FloatArray) -> tuple[float, float]:
         """Of the factor, and its derivative for eta."""
@@ -98,13 +104,13 @@ class Responses:
         return found
 
     @property
-    def listed(self) -> bool:
-        """Whether the model has an effect with a stated response."""
-        return any(one.listed for one in self.members)
+    def answering(self) -> tuple[str, ...]:
+        """Labels of the effects with a stated response."""
+        return tuple(dict.fromkeys(one.label for one in self.members if one.listed))
 
-    def without_listed(self) -> Responses:
-        """The same without the stated responses of effects."""
-        return Responses(tuple(one for one in self.members if not one.listed), self.size)
+    def without(self, silent: Collection[str]) -> Responses:
+        """The same without the stated responses of these effects."""
+        return Responses(tuple(one for one in self.members if not (one.listed and one.label in silent)), self.size)
 
 
 def responses(condition: Condition, parameters: Sequence[str], option: Option | None = None) -> Responses:
@@ -143,6 +149,15 @@ def responses(condition: Condition, parameters: Sequence[str], option: Option | 
             members.append(Response(name, 0.0, option.others if reached else UNREACHED, count, unpredicted=2))
             count += 1
     return Responses(tuple(members), count)
+
+
+def ways(answering: Sequence[str]) -> list[tuple[float, tuple[str, ...]]]:
+    """Which of these effects do not respond, each case with its probability; first none of them, last all.
+
+    Each by itself: of two effects one may respond to warmth and the other not.
+    """
+    cases = [silent for size in range(len(answering) + 1) for silent in combinations(answering, size)]
+    return [(NONE_AT_ALL ** len(silent) * (1 - NONE_AT_ALL) ** (len(answering) - len(silent)), silent) for silent in cases]
 
 
 def _shapes(label: str) -> set[str]:

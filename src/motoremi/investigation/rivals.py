@@ -26,7 +26,7 @@ from motoremi.investigation.known import Known
 from motoremi.investigation.menu import BY_NAME, Option
 from motoremi.investigation.mistakes import STRANGE_VALUE, WRONG, Mistake, mistakes, repeated
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
-from motoremi.investigation.responses import NONE_AT_ALL
+from motoremi.investigation.responses import ways
 from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, UNPREDICTED_OUTSIDE, Weighed, anything, mixed, weigh
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
@@ -309,13 +309,10 @@ def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Ma
 
 
 def _responding(rival: Rival, sweeps: Sequence[Observed]) -> list[tuple[float, Weighed]]:
-    """With the responses that the effects name, if they name any, and without; each with its probability."""
-    responding = Outcome(rival.fit, sweeps)
-    sizes = UNDESCRIBED_ELSEWHERE if responding.elsewhere else None
-    first = weigh(responding, rival.known, sizes)
-    if not responding.listed:
-        return [(1.0, first)]
-    return [(1 - NONE_AT_ALL, first), (NONE_AT_ALL, weigh(Outcome(rival.fit, sweeps, listed=False), rival.known, sizes))]
+    """With the responses that the effects name, if they name any, and without those of some or all; each case with its probability."""
+    whole = Outcome(rival.fit, sweeps)
+    sizes = UNDESCRIBED_ELSEWHERE if whole.elsewhere else None
+    return [(share, weigh(Outcome(rival.fit, sweeps, silent), rival.known, sizes)) for share, silent in ways(whole.answering)]
 
 
 def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
@@ -323,7 +320,7 @@ def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:
     departs = BY_NAME[sweeps[0].condition.id].reaches_motor
     near = rivals.nearest
     priors = (UNDESCRIBED_OUTSIDE, UNPREDICTED_OUTSIDE) if departs else (None, None)
-    own = [weigh(Outcome(one.fit, sweeps, listed=False), one.known, *priors) for one in near]
+    own = [weigh(Outcome(one.fit, sweeps, None), one.known, *priors) for one in near]
     logs = np.array([one.log_weight for one in near])
     like_them = float(logsumexp(logs - logsumexp(logs) + [one.log_likelihood for one in own]))
     if BY_NAME[sweeps[0].condition.id].kind == "standard":
@@ -341,7 +338,7 @@ def _departing(sweeps: Sequence[Observed], nearest: Rival) -> list[float]:
     for chosen in subsets:
         free = sum(anything(Outcome(nearest.fit, [sweeps[at]]), nearest.known, DEPARTS_BY) for at in chosen)
         others = [sweep for at, sweep in enumerate(sweeps) if at not in chosen]
-        like = weigh(Outcome(nearest.fit, others, listed=False), nearest.known).log_likelihood if others else 0.0
+        like = weigh(Outcome(nearest.fit, others, None), nearest.known).log_likelihood if others else 0.0
         found.append(free + like + float(np.log(DEPARTS / len(subsets))))
     return found
 
