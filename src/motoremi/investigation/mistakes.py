@@ -55,8 +55,8 @@ class Mistake:
     used: bool = False
 
 
-def mistakes(sweep: Observed, option: Option, measurement: Measurement, likeliest: Fit, known: Known, again: float) -> Mistake:
-    """The most probable mistake that would give a sweep, with the likelihood of all of them; `again` as from `repeated`."""
+def mistakes(sweep: Observed, option: Option, measurement: Measurement, likeliest: Fit, known: Known, again: float, strange: float) -> Mistake:
+    """The most probable mistake that would give a sweep, with the likelihood of all; `again` as from `repeated`, `strange` as from `of_no_kind`."""
     asked = f"{sweep.termination} sweep, {sweep.condition}"
     shows = option.name in MUST_SHOW or bool(option.elements) or Outcome(likeliest, [sweep]).elsewhere
     found: list[Mistake] = []
@@ -67,7 +67,7 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
             continue
         if (same and not shows) or not _covers(reference.frequency_hz, sweep.frequency_hz):
             continue
-        log = again if same else _as(reference, sweep, likeliest, known)
+        log = again if same else _as(reference, sweep, likeliest, known, strange)
         says = f"it is the {reference.termination} sweep of the motor as it was, again"
         if not same and option.name not in (*MUST_SHOW, "second-temperature"):
             # The far end alone is certain: what was asked for may have been done, and changed nothing.
@@ -78,37 +78,44 @@ def mistakes(sweep: Observed, option: Option, measurement: Measurement, likelies
             if name != option.name and not (option.name == "standards" and name == "fixture-load"):
                 value = 50.0 if name == "fixture-load" else None
                 other = Condition(name, value, "Ohm" if value else "")
-                log = weigh(Outcome(likeliest, [replace(sweep, condition=other)]), known).log_likelihood
+                log = weigh(Outcome(likeliest, [replace(sweep, condition=other)]), known, least=strange).log_likelihood
                 found.append(Mistake("wrong-standard", f"{asked}: it is that of {other}", log))
     elif option.name != "far-end-grounded":
         other_end = "open" if sweep.termination == "short" else "short"
         if other_end in measurement.terminations:
-            log = weigh(Outcome(likeliest, [replace(sweep, termination=other_end)]), known).log_likelihood
+            log = weigh(Outcome(likeliest, [replace(sweep, termination=other_end)]), known, least=strange).log_likelihood
             found.append(Mistake("wrong-termination", f"{asked}: the far end of the winding was as for the {other_end} sweep", log))
     share = np.log(WRONG / max(len(found), 1))
     weighed = [replace(one, log_likelihood=one.log_likelihood + share) for one in found]
-    strange = anything(Outcome(likeliest, [sweep]), known, STRANGE_BY) + np.log(STRANGE)
-    weighed.append(Mistake("strange", f"{asked}: neither the request nor any known mistake explains it", float(strange)))
+    weighed.append(Mistake("strange", f"{asked}: neither the request nor any known mistake explains it", strange))
     best = max(weighed, key=lambda one: one.log_likelihood)
     return replace(best, log_likelihood=float(np.logaddexp.reduce([one.log_likelihood for one in weighed])))
 
 
-def repeated(sweep: Observed, fit: Fit, known: Known) -> float:
-    """Log likelihood of a sweep that is its reference sweep again, although a condition was requested; minus infinity if that does not cover it."""
+def of_no_kind(sweep: Observed, likeliest: Fit, known: Known) -> float:
+    """Log likelihood, prior included, of a sweep that neither the request nor any known mistake explains."""
+    return anything(Outcome(likeliest, [sweep]), known, STRANGE_BY) + float(np.log(STRANGE))
+
+
+def repeated(sweep: Observed, fit: Fit, known: Known, strange: float = -np.inf) -> float:
+    """Log likelihood of a sweep that is its reference sweep again, although a condition was requested; minus infinity if that does not cover it.
+
+    `strange` as from `of_no_kind`.
+    """
     reference = next((one for one in fit.measurement.sweeps if one.termination == sweep.termination), None)
     if reference is None or not _covers(reference.frequency_hz, sweep.frequency_hz):
         return float("-inf")
-    return _as(reference, sweep, fit, known)
+    return _as(reference, sweep, fit, known, strange)
 
 
-def _as(reference: RepeatedSweep, sweep: Observed, fit: Fit, known: Known) -> float:
+def _as(reference: RepeatedSweep, sweep: Observed, fit: Fit, known: Known, strange: float) -> float:
     """Log likelihood of a sweep that is another one again: that sweep itself, or a fit's prediction of it with a new connection.
 
     The residuals of a connection move a sharp resonance by more than the sweep's noise, which only a fit can predict.
     """
     itself = _log_likelihood(sweep, interpolated(reference.frequency_hz, reference.mean_ohm, sweep.frequency_hz), THE_SAME)
     anew = replace(sweep, termination=reference.termination, condition=AGAIN)
-    return float(np.logaddexp(itself, weigh(Outcome(fit, [anew]), known).log_likelihood) - np.log(2))
+    return float(np.logaddexp(itself, weigh(Outcome(fit, [anew]), known, least=strange).log_likelihood) - np.log(2))
 
 
 def _covers(own_hz: FloatArray, wanted_hz: FloatArray) -> bool:

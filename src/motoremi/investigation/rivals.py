@@ -24,7 +24,7 @@ from motoremi.fitting.result import Fit
 from motoremi.investigation.conditioned import by_condition
 from motoremi.investigation.known import Known
 from motoremi.investigation.menu import BY_NAME, Option
-from motoremi.investigation.mistakes import STRANGE_VALUE, WRONG, Mistake, mistakes, repeated
+from motoremi.investigation.mistakes import STRANGE_VALUE, WRONG, Mistake, mistakes, of_no_kind, repeated
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.responses import ways
 from motoremi.investigation.weighing import UNDESCRIBED_ELSEWHERE, UNDESCRIBED_OUTSIDE, UNPREDICTED_OUTSIDE, Weighed, anything, mixed, weigh
@@ -248,9 +248,13 @@ class Lessons:
 def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, sweeps: Sequence[Observed]) -> Rivals:
     leading = rivals.likeliest
     # All explanations describe the reference sweeps, so the most probable one predicts a repeat for all of them.
-    again = {one.termination: repeated(one, leading.fit, leading.known) for one in sweeps}
-    wrong = {one.termination: mistakes(one, option, measurement, leading.fit, leading.known, again[one.termination]) for one in sweeps}
-    done = [_weighed(rival, sweeps, rivals, again) for rival in rivals.members]
+    strange = {one.termination: of_no_kind(one, leading.fit, leading.known) for one in sweeps}
+    again = {one.termination: repeated(one, leading.fit, leading.known, strange[one.termination]) for one in sweeps}
+    wrong = {
+        one.termination: mistakes(one, option, measurement, leading.fit, leading.known, again[one.termination], strange[one.termination])
+        for one in sweeps
+    }
+    done = _weighed_all(rivals, sweeps, again, sum(strange.values()))
     right = float(np.log(1 - WRONG))
     logs: list[dict[Key, float]] = [{(): one.log_likelihood + len(sweeps) * right} for one in done]
     learnt: list[dict[Key, Known]] = [{(): one.known} for one in done]
@@ -262,8 +266,11 @@ def _after_sweeps(rivals: Rivals, measurement: Measurement, option: Option, swee
             guess = _weighed(leading, used, rivals, again) if used else Weighed(0.0, leading.known)
             if guess.log_likelihood + instead + len(used) * right < best - PLAUSIBLE:
                 continue
-            for rival, log, known in zip(rivals.members, logs, learnt, strict=True):
-                found = guess if rival is leading else _weighed(rival, used, rivals, again) if used else Weighed(0.0, rival.known)
+            least = sum(strange[one.termination] for one in used)
+            all_used = (
+                _weighed_all(rivals, used, again, least, {leading.key: guess}) if used else [Weighed(0.0, rival.known) for rival in rivals.members]
+            )
+            for found, log, known in zip(all_used, logs, learnt, strict=True):
                 log[left_out] = found.log_likelihood + instead + len(used) * right
                 known[left_out] = found.known
     doubt = DOUBT_ELSEWHERE if option.kind == "sweep" else DOUBT
@@ -297,9 +304,23 @@ def with_doubt(rivals: Rivals, logs: Sequence[float], doubt: float = DOUBT) -> l
     return [float(np.logaddexp(np.log(1 - doubt) + log, np.log(doubt) + max(best, any_of_them))) for log in logs]
 
 
-def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Mapping[str, float]) -> Weighed:
-    """An explanation's likelihood of sweeps under a condition, whether it responds as predicted, or in another way, or not at all."""
-    cases = [(1.0, _weighed_outside(sweeps, rivals))] if rival.outside else _responding(rival, sweeps)
+def _weighed_all(
+    rivals: Rivals, sweeps: Sequence[Observed], again: Mapping[str, float], least: float, done: Mapping[Key, Weighed] | None = None
+) -> list[Weighed]:
+    """Each explanation's likelihood of sweeps under a condition; `least` as of `weigh`, `done` are computed already."""
+    found = dict(done or {})
+    # The most probable ones first: others may be hopeless beside them.
+    for rival in sorted((one for one in rivals.members if one.key not in found), key=lambda one: -one.log_weight):
+        found[rival.key] = _weighed(rival, sweeps, rivals, again, max([least, *(one.log_likelihood for one in found.values())]))
+    return [found[rival.key] for rival in rivals.members]
+
+
+def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Mapping[str, float], least: float = -np.inf) -> Weighed:
+    """An explanation's likelihood of sweeps under a condition, whether it responds as predicted, or in another way, or not at all.
+
+    `least` as of `weigh`.
+    """
+    cases = [(1.0, _weighed_outside(sweeps, rivals))] if rival.outside else _responding(rival, sweeps, least)
     as_it_was = sum(again[one.termination] for one in sweeps) if BY_NAME[sweeps[0].condition.id].may_change_nothing else -np.inf
     if np.isneginf(as_it_was):
         return mixed(cases)
@@ -308,11 +329,15 @@ def _weighed(rival: Rival, sweeps: Sequence[Observed], rivals: Rivals, again: Ma
     return mixed([*responding, (silent * (1 - UNMOVED), other), (NOTHING_DONE + silent * UNMOVED, unchanged)])
 
 
-def _responding(rival: Rival, sweeps: Sequence[Observed]) -> list[tuple[float, Weighed]]:
+def _responding(rival: Rival, sweeps: Sequence[Observed], least: float) -> list[tuple[float, Weighed]]:
     """With the responses that the effects name, if they name any, and without those of some or all; each case with its probability."""
     whole = Outcome(rival.fit, sweeps)
     sizes = UNDESCRIBED_ELSEWHERE if whole.elsewhere else None
-    return [(share, weigh(Outcome(rival.fit, sweeps, silent), rival.known, sizes)) for share, silent in ways(whole.answering)]
+    found: list[tuple[float, Weighed]] = []
+    for share, silent in ways(whole.answering):
+        found.append((share, weigh(Outcome(rival.fit, sweeps, silent), rival.known, sizes, least=least)))
+        least = max(least, found[-1][1].log_likelihood)
+    return found
 
 
 def _weighed_outside(sweeps: Sequence[Observed], rivals: Rivals) -> Weighed:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from math import inf
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -41,6 +42,9 @@ MIDDLE = 2e-3
 # White noise that is added at first and reduced in stages: probable responses are then found before every point is fitted.
 BLURS = (0.3, 0.03, 0.0)
 
+# Log odds against an explanation that no doubt about its response or about the others makes up for.
+HOPELESS = 50.0
+
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
@@ -61,7 +65,13 @@ class Weighed:
     unchanged: float = 0.0
 
 
-def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None = None, unpredicted: dict[float, float] | None = None) -> Weighed:
+def weigh(
+    prediction: Prediction,
+    known: Known,
+    sizes: dict[float, float] | None = None,
+    unpredicted: dict[float, float] | None = None,
+    least: float = -inf,
+) -> Weighed:
     """The likelihood of data under one prediction.
 
     Parameters
@@ -73,17 +83,27 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
         Sizes of what no model describes -> prior.
     unpredicted : dict, optional
         Shares of their prior width by which elements and parameters change without a predicted response -> prior.
+    least : float
+        Log likelihood of another explanation of the same data. If this one is certainly less likely by `HOPELESS`, the search ends early, and the
+        result is an upper bound, from which nothing is learnt.
     """
     sizes, unpredicted = sizes or UNDESCRIBED, unpredicted or UNPREDICTED
     # Of a change the unknowns that do not respond stay, in a linear model.
     whole, known = known, known if prediction.moving.all() else known.normal
     # First with the largest size, then with a typical one: with the latter alone, a resonance that moved by more than its width is not found.
-    most, in_the_middle = max(sizes), (min(sizes, key=lambda size: abs(np.log(size / MIDDLE))), 1.0, 1.0)
+    largest, in_the_middle = (max(sizes), 1.0, 1.0), (min(sizes, key=lambda size: abs(np.log(size / MIDDLE))), 1.0, 1.0)
     here = Point.of(prediction, known.centre, np.zeros(prediction.size))
+    noise = prediction.density + Whitening(prediction).log_density
+    elements, effects = (unpredicted if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
+    widest = (max(sizes), max(elements), max(effects))
     for blur in BLURS:
         white = Whitening(prediction, blur)
         smooth = Smooth.of(white(prediction.smooth))
-        best = best_near(System(prediction, known, here, white, smooth), (most, 1.0, 1.0))
+        best = best_near(System(prediction, known, here, white, smooth), largest)
+        # Without the blur, with any other sizes, and integrated over the unknowns, it is less.
+        bound = noise - 0.5 * best.cost(widest)
+        if bound < least - HOPELESS:
+            return Weighed(bound, whole)
         here = best.here
     best = best_near(best, in_the_middle)
     if prediction.elsewhere and known.sweeps is not None:
@@ -93,8 +113,6 @@ def weigh(prediction: Prediction, known: Known, sizes: dict[float, float] | None
             # It misses by per cents: a resonance that the sweeps at hand do not show may be in the wrong place.
             others = known.sweeps.fit.unknowns + known.sweeps.fit.alternatives
             best = best_from(others, best, in_the_middle)
-    noise = prediction.density + white.log_density
-    elements, effects = (unpredicted if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
     priors = {
         (size, *widths): float(np.log(prior * elements[widths[0]] * effects[widths[1]]))
         for size, prior in sizes.items()
