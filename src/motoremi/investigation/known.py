@@ -13,13 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
 
-from motoremi.arrays import BoolArray, FloatArray
+from motoremi.arrays import FloatArray
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import misses_by_far
 
-# Largest number of steps to a maximum, first damping, and smallest gain of a step.
-STEPS, DAMPING, CONVERGED = 25, 1e-3, 1e-2
 # Added to the diagonal of a scaled matrix: the arithmetic of nearly singular matrices.
 NEARLY_SINGULAR = 1e-13
 
@@ -49,6 +47,10 @@ class Sweeps:
     taught: FloatArray
     towards: FloatArray
     fit: Fit
+
+    def after(self, learnt: Learnt) -> Sweeps:
+        """The same with what data taught."""
+        return replace(self, taught=self.taught + learnt.taught, towards=self.towards + learnt.towards)
 
     def objective(self, u: FloatArray) -> float:
         """Minus twice the log density, up to a constant."""
@@ -97,7 +99,8 @@ class Known:
     def log_integral(self) -> float:
         """Of the density relative to that at the centre, by Laplace's method, without powers of 2 pi."""
         near = self.near(self.centre)
-        gained = float(near.pull @ np.linalg.solve(near.precision, near.pull))
+        least = within(near.precision, near.pull, self.low - self.centre, self.high - self.centre)
+        gained = float(2 * near.pull @ least - least @ near.precision @ least)
         return 0.5 * gained - 0.5 * float(np.linalg.slogdet(near.precision)[1])
 
     @cached_property
@@ -112,36 +115,8 @@ class Known:
         here = self.sweeps.likelihood.linearised(u)
         gradient = here.gradient + self.sweeps.taught @ u - self.sweeps.towards
         precision = _widened(self.sweeps.likelihood, here.matrix) + self.sweeps.taught
-        outwards = ((u <= self.low) & (gradient > 0)) | ((u >= self.high) & (gradient < 0))
-        if outwards.any():
-            # What is pushed out of its range stays at the bound: the gradient is one whose step moves the others alone, so that the precision, and
-            # with it the integral, is the same as where nothing is pushed.
-            free = np.flatnonzero(~outwards)
-            step = np.zeros(u.size)
-            step[free] = -solved(precision[np.ix_(free, free)], gradient[free])
-            gradient = -precision @ step
         away, risen = u - self.centre, self.sweeps.objective(u) - self._at_centre
         return Near(risen - 2 * float(gradient @ away) + float(away @ precision @ away), precision @ away - gradient, precision)
-
-    def after(self, learnt: Learnt, moving: BoolArray) -> Known:
-        """It after data; `moving` are the unknowns that were searched, all others were taken for linear."""
-        if self.sweeps is None:
-            return replace(self, centre=learnt.centre, precision=learnt.precision)
-        sweeps = replace(self.sweeps, taught=self.sweeps.taught + learnt.taught, towards=self.sweeps.towards + learnt.towards)
-        return replace(self, sweeps=sweeps)._centred_from(learnt.centre if moving.all() else self.centre)
-
-    def _centred_from(self, start: FloatArray) -> Known:
-        """The same with its centre at the maximum near a point (Levenberg and Marquardt): what later data teach may move it along a curve."""
-        here, damping = replace(self, centre=start), 0.0
-        for _ in range(STEPS):
-            near = here.near(here.centre)
-            step = solved(near.precision + damping * np.diag(np.diag(near.precision)), near.pull)
-            there = replace(here, centre=np.clip(here.centre + step, self.low, self.high))
-            gained = here._at_centre - there._at_centre
-            here, damping = (there, damping / 10) if gained > 0 else (here, max(10 * damping, DAMPING))
-            if abs(gained) < CONVERGED:
-                break
-        return replace(here, precision=here.near(here.centre).precision)
 
     def bend(self, u: FloatArray, step: FloatArray) -> FloatArray:
         """Slopes times the second derivative, along a step, of what its squares are summed of, shape (k,); 0 for a normal distribution."""
@@ -170,3 +145,15 @@ def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
         raise np.linalg.LinAlgError("the matrix of the normal equations is not positive definite")
     solution: FloatArray = scale * dpotrs(factor, scale * right, lower=1)[0]
     return solution
+
+
+def within(matrix: FloatArray, right: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """The minimum of x.matrix.x - 2 right.x between bounds: what is pushed out of its range stays at the bound, and the others follow."""
+    x = solved(matrix, right) if right.size else right
+    held = np.zeros(x.size, dtype=np.bool_)
+    while (out := ((x < low) | (x > high)) & ~held).any():
+        held |= out
+        free = ~held
+        x = np.clip(x, low, high)
+        x[free] = solved(matrix[np.ix_(free, free)], right[free] - matrix[np.ix_(free, held)] @ x[held])
+    return x

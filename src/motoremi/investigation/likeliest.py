@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from motoremi.arrays import FloatArray
+from motoremi.arrays import BoolArray, FloatArray, IntArray
 from motoremi.fitting.polish import BACK_DAMPING, PROMISED, UNDAMPED
-from motoremi.investigation.known import CONVERGED, DAMPING, STEPS
-from motoremi.investigation.system import Scale, System
+from motoremi.investigation.known import Known, Learnt
+from motoremi.investigation.system import Point, Scale, Smooth, System
 
+# Largest number of steps to a maximum, first damping, and smallest gain of a step.
+STEPS, DAMPING, CONVERGED = 25, 1e-3, 1e-2
 # Least damping after a step that failed: along a curved valley more of it makes all steps small.
 LEAST_DAMPING = 1e-8
 # Standard deviations beyond which no response is looked for: a capacitance that usually repeats to 2 % may then halve. A search that ends here
@@ -61,3 +65,44 @@ def best_near(best: System, at: Scale) -> System:
         if abs(gained) < small and (damping > 1 or cost - best.least(at) < UNDAMPED * small):
             break
     return best
+
+
+def after(known: Known, learnt: Learnt, moving: BoolArray) -> Known:
+    """What is known of a model's unknowns after data; `moving` are the unknowns that were searched, all others were taken for linear."""
+    if known.sweeps is None:
+        return replace(known, centre=learnt.centre, precision=learnt.precision)
+    taught = replace(known, sweeps=known.sweeps.after(learnt))
+    if moving.all():
+        # The most likely point of everything so far. What was taught is linear there: away from it a search would follow valleys that are none.
+        return replace(taught, centre=learnt.centre, precision=taught.near(learnt.centre).precision)
+    return centred(taught, known.centre)
+
+
+def centred(known: Known, start: FloatArray) -> Known:
+    """The same distribution with its centre at the maximum near a point: what later data teach may move it along a curved valley."""
+    nothing = _Nothing(start.size)
+    begun = System(nothing, known, Point.of(nothing, start, np.zeros(0)), lambda rows: rows, Smooth.of(nothing.smooth))
+    centre = best_near(begun, (1.0, 1.0, 1.0)).here.u
+    there = replace(known, centre=centre)
+    return replace(there, precision=there.near(centre).precision)
+
+
+class _Nothing:
+    """A prediction of no data, for the maximum of what is known already."""
+
+    size = 0
+    elsewhere = True
+    density = 0.0
+    sigma: FloatArray = np.zeros(0)
+    smooth: FloatArray = np.zeros((0, 0))
+    errors: FloatArray = np.zeros((0, 0))
+    unpredicted: IntArray = np.zeros(0, dtype=np.intp)
+
+    def __init__(self, count: int) -> None:
+        self.moving: BoolArray = np.ones(count, dtype=np.bool_)
+
+    def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return np.zeros(0), np.zeros((u.size, 0)), np.zeros((0, 0))
+
+    def residual(self, mean: FloatArray) -> FloatArray:
+        return mean

@@ -13,7 +13,7 @@ import numpy as np
 from motoremi.arrays import BoolArray, FloatArray, IntArray
 from motoremi.fitting.polish import GENTLE
 from motoremi.fitting.problem import AHEAD
-from motoremi.investigation.known import NEARLY_SINGULAR, Known, Learnt, solved
+from motoremi.investigation.known import NEARLY_SINGULAR, Known, Learnt, solved, within
 
 # In the corner of a matrix whose root has the misfit: more than any misfit that a solution can gain.
 LARGE = 1e6
@@ -140,6 +140,9 @@ class System:
         self._unpredicted = np.zeros(len(self._pull), dtype=np.intp)
         self._unpredicted[k : k + here.eta.size] = prediction.unpredicted
         self._equations: dict[Scale, tuple[FloatArray, FloatArray]] = {}
+        # Response numbers and coefficients have no bounds.
+        self._low, self._high = np.full(len(self._pull), -np.inf), np.full(len(self._pull), np.inf)
+        self._low[:k], self._high[:k] = known.low - known.centre, known.high - known.centre
         self._away = np.concatenate([away, np.zeros(len(smooth.rows))])
         # In these the prediction is looked at where they are, in all others it is linear.
         self._moving = np.arange(len(self._pull)) < self._own
@@ -170,7 +173,7 @@ class System:
         matrix, pull = self._normal(at)
         scales = self._scales(at)
         held = self._held(matrix, damping)
-        solution = solved(matrix + np.diag(held), pull + held * self._away / scales)
+        solution = within(matrix + np.diag(held), pull + held * self._away / scales, self._low / scales, self._high / scales)
         return (solution * scales)[: self._own]
 
     def corrected(self, at: Scale, damping: float, wanted: FloatArray) -> FloatArray:
@@ -191,7 +194,15 @@ class System:
     def least(self, at: Scale) -> float:
         """The lowest cost by the linear model."""
         matrix, pull = self._normal(at)
-        return self._squares - float(pull @ solved(matrix, pull))
+        return self._cost_of(matrix, pull, self._best(at))
+
+    def _best(self, at: Scale) -> FloatArray:
+        """The best of all unknowns by the linear model, in the units of `_scales`."""
+        scales = self._scales(at)
+        return within(*self._normal(at), self._low / scales, self._high / scales)
+
+    def _cost_of(self, matrix: FloatArray, pull: FloatArray, x: FloatArray) -> float:
+        return self._squares - float(2 * pull @ x - x @ matrix @ x)
 
     def cost(self, at: Scale, there: FloatArray | None = None) -> float:
         """Minus twice the log of likelihood times prior at this very point, or at another one by the linear model.
@@ -220,10 +231,18 @@ class System:
         wider[:, count, count] = 2 * abs(self._squares) + LARGE
         root = np.linalg.cholesky(wider)
         least = self._squares - np.sum(root[:, count, :count] ** 2, axis=1)
+        for number in self._beyond(root[:, :count, :count], root[:, count, :count], inverse):
+            least[number] = self.least(scales[number])
         diagonal = np.diagonal(root, axis1=1, axis2=2)[:, :count]
         logdet = 2 * np.sum(np.log(diagonal), axis=1) - 2 * np.sum(np.log(inverse), axis=1)
         found: FloatArray = -0.5 * least - 0.5 * logdet - self.known.log_integral
         return found
+
+    def _beyond(self, root: FloatArray, solved_once: FloatArray, inverse: FloatArray) -> IntArray:
+        """For which of some scales, given by the roots of their matrices, the best by the linear model is out of bounds."""
+        k = self._k
+        best = np.linalg.solve(np.swapaxes(root, -1, -2), solved_once[..., None])[..., 0][:, :k] * inverse[:, :k]
+        return np.flatnonzero(np.any((best < self._low[:k]) | (best > self._high[:k]), axis=1))
 
     def likeliest(self, scales: Sequence[Scale], log_priors: FloatArray | float = 0.0) -> Scale:
         """The most probable one of some scales."""
@@ -232,7 +251,7 @@ class System:
     def learnt(self, at: Scale) -> Learnt:
         """What is then known of the model's own unknowns."""
         matrix, pull = self._normal(at)
-        solution = solved(matrix, pull)
+        solution = self._best(at)
         k = self._k
         inner, known = matrix[k:, k:], self.known
         others = np.linalg.solve(inner, np.column_stack([matrix[k:, :k], pull[k:]]))

@@ -20,7 +20,7 @@ from motoremi.fitting.integrated import valley
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import PLAIN
 from motoremi.investigation.known import Known
-from motoremi.investigation.likeliest import best_from, best_near
+from motoremi.investigation.likeliest import after, best_from, best_near
 from motoremi.investigation.system import Point, Prediction, Smooth, System, Whitening
 
 # Relative size of what no model describes of a change -> prior. The least is what a motor repeats to. An assumption; unconfirmed.
@@ -121,7 +121,7 @@ def weigh(
     scales, log_priors = list(priors), np.array(list(priors.values()))
     best = best_near(best, best.likeliest(scales, log_priors))
     logs = noise + best.log_integrals(scales) + log_priors
-    return Weighed(float(logsumexp(logs)), whole.after(best.learnt(scales[int(np.argmax(logs))]), prediction.moving))
+    return Weighed(float(logsumexp(logs)), after(whole, best.learnt(scales[int(np.argmax(logs))]), prediction.moving))
 
 
 def _valley(fit: Fit) -> FloatArray:
