@@ -61,10 +61,10 @@ class MadeBoard:
         assert all(len(key) < size for key in found)
         return [self.model(names, first_look=True) for names in combinations(self.names, size)]
 
-    def swapped(self, model: Made, effect: str) -> list[Made]:
-        self.calls.append(f"swap {effect} of {''.join(model.added)}")
+    def swapped(self, model: Made, effect: str, only: str = "") -> list[Made]:
+        self.calls.append(f"swap {effect} of {''.join(model.added)}" + (f" for {only}" if only else ""))
         rest = tuple(name for name in model.added if name != effect)
-        return [self.model((*rest, name)) for name in self.names if name not in model.added]
+        return [self.model((*rest, name)) for name in only or self.names if name not in model.added]
 
     def dropped(self, model: Made, effect: str) -> Made:
         self.calls.append(f"drop {effect} of {''.join(model.added)}")
@@ -111,7 +111,7 @@ def test_a_set_is_swapped_again_from_a_better_solution_of_its_own():
     class Improving(MadeBoard):
         improved = False
 
-        def swapped(self, model: Made, effect: str) -> list[Made]:
+        def swapped(self, model: Made, effect: str, only: str = "") -> list[Made]:
             self.calls.append(f"swap {effect} of {''.join(model.added)}")
             if set(model.added) != {"a", "b"}:
                 return []
@@ -135,6 +135,17 @@ def test_a_look_alike_that_was_overlooked_is_swapped_in():
     pair = board({"": 0, "a": 30, "b": 20, "ab": 60, "cb": 90}, finished=("cb",), overlooked=("cb",))
     assert key_of(best_of(pair.explored().values())) == ("b", "c")
     assert "swap a of ab" in pair.calls
+
+
+def test_if_both_effects_of_a_pair_have_a_look_alike_the_pair_of_these_is_found_too():
+    """One swap leads from "ab" to "cb" and to "ad", and from these two to "cd", which alone is true."""
+    made = board({"": 0, "a": 30, "ab": 100, "cb": 99, "ad": 98, "cd": 97, "ef": 20}, finished=("ab",), overlooked=("cb", "ad", "cd"))
+    found = made.explored()
+    assert found[("c", "d")].score == 97
+    assert [call for call in made.calls if " for " in call] == ["swap a of ad for c"]
+    # Where that is not to be expected to be a rival of the best, it is not fitted.
+    far = board({"": 0, "a": 30, "ab": 100, "cb": 93, "ad": 92, "cd": 85}, finished=("ab",), overlooked=("cb", "ad", "cd"))
+    assert far.explored()[("c", "d")].score < 0
 
 
 def test_beside_one_that_leaves_nothing_only_its_own_look_alikes_are_tried():

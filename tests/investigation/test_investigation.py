@@ -24,9 +24,10 @@ from motoremi.investigation.menu import BY_NAME, MENU
 from motoremi.investigation.next_measurement import next_measurement
 from motoremi.investigation.outcome import Observed, Outcome, ValueOutcome
 from motoremi.investigation.question import next_question
-from motoremi.investigation.responses import COPPER_PER_K, factors, responses
+from motoremi.investigation.responses import COPPER_PER_K, factors, responses, ways
 from motoremi.investigation.rivals import BEHIND, OUTSIDE, Rivals, rivals_of, update
 from motoremi.model.circuit import Tape
+from motoremi.model.effects import find_effect
 from motoremi.model.motor import dc_motor
 from motoremi.workflow_ask import chosen, question_of
 from motoremi.workflow_import import ImportOptions, addition
@@ -102,6 +103,22 @@ def test_copper_is_known_and_what_an_effect_names_is_known_within_a_factor() -> 
     assert np.sqrt(np.sum(slopes[:, 2] ** 2)) == pytest.approx(abs(np.log(0.15)) * np.log(2), rel=1e-3)
     silent, _ = factors(found.without(found.answering), np.zeros(found.size), names)
     assert silent[2] == 1.0
+
+
+def test_each_of_two_effects_may_respond_or_not() -> None:
+    names = ["insulation-leakage@Cf.resistance_ohm", "bearing-film.resistance_ohm", "bearing-film.capacitance_f"]
+    condition = parse_condition("second-temperature=53degC")
+    assert condition is not None
+    found = responses(condition, names)
+    film = find_effect("bearing-film").effect.responds["second-temperature"]["resistance_ohm"]
+    expected = {(): (0.15, film), ("insulation-leakage@Cf",): (1, film), ("bearing-film",): (0.15, 1), found.answering: (1, 1)}
+    cases = ways(found.answering)
+    assert [silent for _, silent in cases] == list(expected)
+    assert sum(share for share, _ in cases) == pytest.approx(1)
+    assert [share for share, _ in cases] == pytest.approx([0.81, 0.09, 0.09, 0.01])
+    for _, silent in cases:
+        factor, _ = factors(found.without(silent), np.zeros(found.size), names)
+        assert factor[:2] == pytest.approx(expected[silent], rel=1e-6)
 
 
 def test_turning_the_shaft_may_change_a_film_in_either_direction() -> None:

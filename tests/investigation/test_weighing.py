@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
+from scipy.optimize import lsq_linear
 from scipy.stats import norm
 
 from motoremi.arrays import BoolArray, FloatArray, IntArray
-from motoremi.investigation.known import Known, Sweeps
-from motoremi.investigation.weighing import UNPREDICTED, weigh
+from motoremi.investigation.known import Known, Sweeps, within
+from motoremi.investigation.weighing import HOPELESS, UNPREDICTED, weigh
 
 SIGMA, PRECISION = 0.01, 100.0
 
@@ -57,6 +59,62 @@ def test_the_likelihood_is_that_of_numerical_integration_however_far_a_response_
     total = trapezoid(likelihood * prior / (3 * value), value)
     # Laplace's method leaves out how the prior and the slope change within the peak.
     assert weigh(prediction, known).log_likelihood == pytest.approx(np.log(total), abs=0.05)
+
+
+def test_a_hopeless_explanation_gets_an_upper_bound_and_learns_nothing() -> None:
+    prediction = Curved(np.array([1.5, 2.0]))
+    known = Known(np.zeros(1), np.array([[PRECISION]]), np.array([-10.0]), np.array([10.0]))
+    whole = weigh(prediction, known)
+    assert weigh(prediction, known, least=whole.log_likelihood).log_likelihood == whole.log_likelihood
+    bound = weigh(prediction, known, least=whole.log_likelihood + 3 * HOPELESS)
+    assert whole.log_likelihood <= bound.log_likelihood < whole.log_likelihood + 2 * HOPELESS
+    assert bound.known is known
+
+
+class Sum:
+    """A reading of the sum of two unknowns, of which the second has a bound near its centre."""
+
+    size = 0
+    elsewhere = False
+    density = 0.0
+    moving: BoolArray = np.array([True, True])
+    unpredicted: IntArray = np.zeros(0, dtype=np.intp)
+    sigma: FloatArray = np.full(1, SIGMA)
+    smooth: FloatArray = np.zeros((1, 1))
+    errors: FloatArray = np.zeros((0, 1))
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return u.sum(keepdims=True), np.ones((2, 1)), np.zeros((0, 1))
+
+    def residual(self, mean: FloatArray) -> FloatArray:
+        return self.value - mean
+
+
+def test_what_is_pushed_out_of_its_range_gains_nothing_there() -> None:
+    """The second unknown, known to 1, could move by 0.8 freely; at its bound the first one, known to 0.1, has to take over."""
+    known = Known(np.zeros(2), np.diag([100.0, 1.0]), np.array([-10.0, -10.0]), np.array([10.0, 0.01]))
+    reading = 0.8
+    found = weigh(Sum(reading), known)
+    assert found.known.centre == pytest.approx([reading - 0.01, 0.01], abs=0.02)
+    # The best within the bounds: x = 0.79 / (1 + 0.01), which costs (x / 0.1)^2 and more; freely it would cost 0.63.
+    freely = weigh(Sum(reading), replace(known, high=np.full(2, 10.0)))
+    least = (reading - 0.01) ** 2 / (0.1**2 + SIGMA**2) + 0.01**2
+    assert freely.log_likelihood - found.log_likelihood == pytest.approx(0.5 * (least - reading**2 / (1.01 + SIGMA**2)), abs=0.05)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_minimum_within_bounds_is_that_of_a_library(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(4, 4)) + 2 * np.eye(4)
+    right, low = rng.normal(size=4), np.full(4, -np.inf)
+    # One bound that is exceeded, and three far away.
+    free = np.linalg.solve(root.T @ root, right)
+    high = np.where(np.arange(4) == seed % 4, free - 0.3, free + 100)
+    expected = lsq_linear(root, np.linalg.solve(root.T, right), (low, high), tol=1e-12).x
+    assert within(root.T @ root, right, low, high) == pytest.approx(expected, abs=1e-6)
 
 
 class Valley:

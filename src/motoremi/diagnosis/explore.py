@@ -159,6 +159,7 @@ def _swap_as_well(board: Board[M], found: dict[Key, M], size: int, budget: Budge
     """
     leaders = ranked(found, size)
     near = [model for model in leaders if model.score >= leaders[0].score - budget.loss]
+    tried: set[Key] = set()
     for before, after in permutations(near, 2):
         gone, new = Counter(before.added) - Counter(after.added), Counter(after.added) - Counter(before.added)
         if gone.total() != 1:
@@ -167,7 +168,9 @@ def _swap_as_well(board: Board[M], found: dict[Key, M], size: int, budget: Budge
         for model in near:
             expected = model.score + after.score - before.score
             key = tuple(sorted((Counter(model.added) - gone + new).elements()))
-            if old in model.added and key not in found and expected >= leaders[0].score - budget.loss:
+            missed = key not in found or found[key].score < expected - budget.gain
+            if old in model.added and key not in tried and missed and expected >= leaders[0].score - budget.loss:
+                tried.add(key)
                 _take(found, board.swapped(model, old, other))
 
 
