@@ -184,7 +184,7 @@ class MotorBoard:
         Two effects whose circuit errs little leave little, even if the rest needs larger errors of the analyser than declared: what a third one
         does (a loss angle beside a core of two materials, which left 0.3 %) may be in them.
         """
-        best = _best_with_little_left(found, size, errs_little=size > 1)
+        best = _best_with_little_left(found, size, errs_little=True)
         return {} if best is None else _beside(best)
 
     @staticmethod

@@ -73,7 +73,7 @@ def after(known: Known, learnt: Learnt, moving: BoolArray) -> Known:
         return replace(known, centre=learnt.centre, precision=learnt.precision)
     taught = replace(known, sweeps=known.sweeps.after(learnt))
     if moving.all():
-        # The most likely point of everything so far. What was taught is linear there: away from it a search would follow valleys that are none.
+        # The most likely point of all data so far. What was taught is linear around it and wrong far from it, so the centre stays there.
         return replace(taught, centre=learnt.centre, precision=taught.near(learnt.centre).precision)
     return centred(taught, known.centre)
 
