@@ -22,6 +22,7 @@ from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
 from motoremi.fitting.fit import trail_to
 from motoremi.fitting.race import Raced, Round, Rounds, Trail, race
+from motoremi.investigation.rivals import BEHIND
 
 BUDGET = Budget()
 
@@ -139,6 +140,8 @@ def test_a_look_alike_that_was_overlooked_is_swapped_in():
 
 def test_if_both_effects_of_a_pair_have_a_look_alike_the_pair_of_these_is_found_too():
     """One swap leads from "ab" to "cb" and to "ad", and from these two to "cd", which alone is true."""
+    # What is further behind takes no part in an investigation.
+    assert BUDGET.loss == BEHIND
     made = board({"": 0, "a": 30, "ab": 100, "cb": 99, "ad": 98, "cd": 97, "ef": 20}, finished=("ab",), overlooked=("cb", "ad", "cd"))
     found = made.explored()
     assert found[("c", "d")].score == 97

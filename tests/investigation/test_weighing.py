@@ -71,23 +71,22 @@ def test_a_hopeless_explanation_gets_an_upper_bound_and_learns_nothing() -> None
     assert bound.known is known
 
 
-class Sum:
-    """A reading of the sum of two unknowns, of which the second has a bound near its centre."""
+class Reading:
+    """One reading, a weighted sum of two unknowns of a model."""
 
     size = 0
     elsewhere = False
     density = 0.0
     moving: BoolArray = np.array([True, True])
     unpredicted: IntArray = np.zeros(0, dtype=np.intp)
-    sigma: FloatArray = np.full(1, SIGMA)
     smooth: FloatArray = np.zeros((1, 1))
     errors: FloatArray = np.zeros((0, 1))
 
-    def __init__(self, value: float) -> None:
-        self.value = value
+    def __init__(self, value: float, weights: tuple[float, float], sigma: float) -> None:
+        self.value, self.weights, self.sigma = value, np.array(weights), np.full(1, sigma)
 
     def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        return u.sum(keepdims=True), np.ones((2, 1)), np.zeros((0, 1))
+        return np.array([self.weights @ u]), self.weights[:, None], np.zeros((0, 1))
 
     def residual(self, mean: FloatArray) -> FloatArray:
         return self.value - mean
@@ -97,10 +96,10 @@ def test_what_is_pushed_out_of_its_range_gains_nothing_there() -> None:
     """The second unknown, known to 1, could move by 0.8 freely; at its bound the first one, known to 0.1, has to take over."""
     known = Known(np.zeros(2), np.diag([100.0, 1.0]), np.array([-10.0, -10.0]), np.array([10.0, 0.01]))
     reading = 0.8
-    found = weigh(Sum(reading), known)
+    found = weigh(Reading(reading, (1.0, 1.0), SIGMA), known)
     assert found.known.centre == pytest.approx([reading - 0.01, 0.01], abs=0.02)
     # The best within the bounds: x = 0.79 / (1 + 0.01), which costs (x / 0.1)^2 and more; freely it would cost 0.63.
-    freely = weigh(Sum(reading), replace(known, high=np.full(2, 10.0)))
+    freely = weigh(Reading(reading, (1.0, 1.0), SIGMA), replace(known, high=np.full(2, 10.0)))
     least = (reading - 0.01) ** 2 / (0.1**2 + SIGMA**2) + 0.01**2
     assert freely.log_likelihood - found.log_likelihood == pytest.approx(0.5 * (least - reading**2 / (1.01 + SIGMA**2)), abs=0.05)
 
@@ -139,26 +138,9 @@ class Valley:
         return np.array([1.0, np.exp(u[1])]) / self.sigma * np.exp(u[1]) * step[1] ** 2 / self.sigma
 
 
-class Direct:
+def direct(value: float) -> Reading:
     """A reading of the second unknown."""
-
-    size = 0
-    elsewhere = False
-    density = 0.0
-    moving: BoolArray = np.array([True, True])
-    unpredicted: IntArray = np.zeros(0, dtype=np.intp)
-    sigma: FloatArray = np.full(1, 0.1)
-    smooth: FloatArray = np.zeros((1, 1))
-    errors: FloatArray = np.zeros((0, 1))
-
-    def __init__(self, value: float) -> None:
-        self.value = value
-
-    def at(self, u: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        return u[1:], np.array([[0.0], [1.0]]), np.zeros((0, 1))
-
-    def residual(self, mean: FloatArray) -> FloatArray:
-        return self.value - mean
+    return Reading(value, (0.0, 1.0), 0.1)
 
 
 @pytest.mark.parametrize("sigma", [1e-2, 1e-4])
@@ -170,15 +152,15 @@ def test_a_value_far_along_a_valley_is_compared_with_the_likelihood_itself(sigma
     known = Known(centre, likelihood.linearised(centre).matrix + flat, likelihood.low, likelihood.high, sweeps)
 
     for value in (0.2, 0.7, -1.0):
-        found = weigh(Direct(value), known)
+        found = weigh(direct(value), known)
         # On the valley: where the sweeps and the value want it.
         assert found.known.centre[1] == pytest.approx(value, abs=0.02)
         assert found.known.centre.sum() - found.known.centre[1] + np.exp(found.known.centre[1]) == pytest.approx(1, abs=sigma)
         # The same on the next value: what was taught is kept beside the sweeps.
-        again = weigh(Direct(value), found.known)
+        again = weigh(direct(value), found.known)
         assert again.known.precision[1, 1] > found.known.precision[1, 1]
 
     # The sweeps leave y open over its range; x follows it. So all values are about as likely, which a normal distribution would deny.
-    logs = [weigh(Direct(value), known).log_likelihood for value in (0.2, 0.7, -1.0)]
+    logs = [weigh(direct(value), known).log_likelihood for value in (0.2, 0.7, -1.0)]
     assert np.ptp(logs) < 1.0
-    assert weigh(Direct(-1.0), known.normal).log_likelihood < logs[2]
+    assert weigh(direct(-1.0), known.normal).log_likelihood < logs[2]

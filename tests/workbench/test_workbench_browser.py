@@ -188,7 +188,7 @@ def test_the_story_by_keys(browser, fitted):
         page.keyboard.press("Escape")
         expect(page.locator("#keys")).to_be_hidden()
         page.locator("dfn[data-term='rms error']").first.focus()
-        # A pointer that crosses other elements leaves the focused term's explanation.
+        # A pointer that crosses other elements does not hide the explanation of the focused term.
         page.mouse.move(300, 5)
         page.mouse.move(5, 300)
         expect(page.locator("#tip")).to_be_visible()

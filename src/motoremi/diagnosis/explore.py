@@ -73,7 +73,8 @@ class Budget:
     gain : float
         Smallest gain in log score of a further effect or a swap: odds of 20 to 1.
     loss : float
-        Models within this log score of the best one are rivals of it: a swap between two of them is made in all.
+        Models within this log score of the best one are rivals of it (as in an investigation, `rivals.BEHIND`): a swap between two of them is made
+        in all.
     """
 
     swapped: tuple[int, ...] = (2, 2, 1)

@@ -35,7 +35,7 @@ def best_near(best: System, at: Scale) -> System:
     """The most likely unknowns for one size of the discrepancy (Levenberg and Marquardt, with a geodesic correction along curved valleys)."""
     prediction, known, k = best.prediction, best.known, best.known.centre.size
 
-    def within(wanted: FloatArray) -> FloatArray:
+    def limited(wanted: FloatArray) -> FloatArray:
         # The linear model of the unknowns is valid near the fit only: unknowns on which the prediction hardly depends are not changed.
         u = np.where(prediction.moving, np.clip(known.centre + wanted[:k], known.low, known.high), known.centre)
         return np.concatenate([u - known.centre, np.clip(wanted[k:], -FARTHEST_RESPONSE, FARTHEST_RESPONSE)])
@@ -45,14 +45,14 @@ def best_near(best: System, at: Scale) -> System:
 
     damping, cost, failed, bent = DAMPING, best.cost(at), False, False
     for _ in range(STEPS):
-        wanted = within(best.damped(at, damping))
+        wanted = limited(best.damped(at, damping))
         promised = cost - best.cost(at, wanted)
         if bent:
-            wanted = within(best.corrected(at, damping, wanted))
+            wanted = limited(best.corrected(at, damping, wanted))
         trial = moved(wanted)
         if trial.cost(at) > cost > trial.least(at):
             # Along a curved valley: a second step, back to its floor.
-            trial = moved(within(trial.damped(at, max(damping, BACK_DAMPING))))
+            trial = moved(limited(trial.damped(at, max(damping, BACK_DAMPING))))
         gained = cost - trial.cost(at)
         bent |= gained < PROMISED * promised
         if gained > 0:
@@ -72,19 +72,16 @@ def after(known: Known, learnt: Learnt, moving: BoolArray) -> Known:
     if known.sweeps is None:
         return replace(known, centre=learnt.centre, precision=learnt.precision)
     taught = replace(known, sweeps=known.sweeps.after(learnt))
-    if moving.all():
-        # The most likely point of all data so far. What was taught is linear around it and wrong far from it, so the centre stays there.
-        return replace(taught, centre=learnt.centre, precision=taught.near(learnt.centre).precision)
-    return centred(taught, known.centre)
+    # What was taught is linear around the most likely point of all data so far, and wrong far from it: if that was searched, it is the centre.
+    centre = learnt.centre if moving.all() else _most_likely(taught, known.centre)
+    return replace(taught, centre=centre, precision=taught.near(centre).precision)
 
 
-def centred(known: Known, start: FloatArray) -> Known:
-    """The same distribution with its centre at the maximum near a point: what later data teach may move it along a curved valley."""
+def _most_likely(known: Known, start: FloatArray) -> FloatArray:
+    """The maximum near a point: what later data teach may move it along a curved valley."""
     nothing = _Nothing(start.size)
     begun = System(nothing, known, Point.of(nothing, start, np.zeros(0)), lambda rows: rows, Smooth.of(nothing.smooth))
-    centre = best_near(begun, (1.0, 1.0, 1.0)).here.u
-    there = replace(known, centre=centre)
-    return replace(there, precision=there.near(centre).precision)
+    return best_near(begun, (1.0, 1.0, 1.0)).here.u
 
 
 class _Nothing:

@@ -97,7 +97,7 @@ def of_no_kind(sweep: Observed, likeliest: Fit, known: Known) -> float:
     return anything(Outcome(likeliest, [sweep]), known, STRANGE_BY) + float(np.log(STRANGE))
 
 
-def repeated(sweep: Observed, fit: Fit, known: Known, strange: float = -np.inf) -> float:
+def repeated(sweep: Observed, fit: Fit, known: Known, strange: float) -> float:
     """Log likelihood of a sweep that is its reference sweep again, although a condition was requested; minus infinity if that does not cover it.
 
     `strange` as from `of_no_kind`.

@@ -194,15 +194,13 @@ class System:
     def least(self, at: Scale) -> float:
         """The lowest cost by the linear model."""
         matrix, pull = self._normal(at)
-        return self._cost_of(matrix, pull, self._best(at))
+        best = self._best(at)
+        return self._squares - float(2 * pull @ best - best @ matrix @ best)
 
     def _best(self, at: Scale) -> FloatArray:
         """The best of all unknowns by the linear model, in the units of `_scales`."""
         scales = self._scales(at)
         return within(*self._normal(at), self._low / scales, self._high / scales)
-
-    def _cost_of(self, matrix: FloatArray, pull: FloatArray, x: FloatArray) -> float:
-        return self._squares - float(2 * pull @ x - x @ matrix @ x)
 
     def cost(self, at: Scale, there: FloatArray | None = None) -> float:
         """Minus twice the log of likelihood times prior at this very point, or at another one by the linear model.
@@ -238,10 +236,10 @@ class System:
         found: FloatArray = -0.5 * least - 0.5 * logdet - self.known.log_integral
         return found
 
-    def _beyond(self, root: FloatArray, solved_once: FloatArray, inverse: FloatArray) -> IntArray:
-        """For which of some scales, given by the roots of their matrices, the best by the linear model is out of bounds."""
+    def _beyond(self, root: FloatArray, share: FloatArray, inverse: FloatArray) -> IntArray:
+        """For which of some scales, given by the roots of their matrices and the right-hand sides divided by these, the best is out of bounds."""
         k = self._k
-        best = np.linalg.solve(np.swapaxes(root, -1, -2), solved_once[..., None])[..., 0][:, :k] * inverse[:, :k]
+        best = np.linalg.solve(np.swapaxes(root, -1, -2), share[..., None])[..., 0][:, :k] * inverse[:, :k]
         return np.flatnonzero(np.any((best < self._low[:k]) | (best > self._high[:k]), axis=1))
 
     def likeliest(self, scales: Sequence[Scale], log_priors: FloatArray | float = 0.0) -> Scale:

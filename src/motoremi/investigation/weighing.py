@@ -41,8 +41,8 @@ UNPREDICTED_OUTSIDE = {0.01: 0.3, 0.1: 0.25, 1.0: 0.25, 10.0: 0.2}
 MIDDLE = 2e-3
 # White noise that is added at first and reduced in stages: probable responses are then found before every point is fitted.
 BLURS = (0.3, 0.03, 0.0)
-
-# Log odds against an explanation that no doubt about its response or about the others makes up for.
+# An explanation that is less likely than another one by so much, in log odds, is not refined: doubt about responses (`rivals.DOUBT_ELSEWHERE`, 6)
+# and the largest distance of two explanations before (`rivals.BEHIND`, 12) make up for 18 at most.
 HOPELESS = 50.0
 
 
@@ -93,11 +93,11 @@ def weigh(
     # First with the largest size, then with a typical one: with the latter alone, a resonance that moved by more than its width is not found.
     largest, in_the_middle = (max(sizes), 1.0, 1.0), (min(sizes, key=lambda size: abs(np.log(size / MIDDLE))), 1.0, 1.0)
     here = Point.of(prediction, known.centre, np.zeros(prediction.size))
-    noise = prediction.density + Whitening(prediction).log_density
+    whitenings = [Whitening(prediction, blur) for blur in BLURS]
+    noise = prediction.density + whitenings[-1].log_density
     elements, effects = (unpredicted if np.any(prediction.unpredicted == kind) else {1.0: 1.0} for kind in (1, 2))
     widest = (max(sizes), max(elements), max(effects))
-    for blur in BLURS:
-        white = Whitening(prediction, blur)
+    for white in whitenings:
         smooth = Smooth.of(white(prediction.smooth))
         best = best_near(System(prediction, known, here, white, smooth), largest)
         # Without the blur, with any other sizes, and integrated over the unknowns, it is less.

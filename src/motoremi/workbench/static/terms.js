@@ -8,8 +8,8 @@ const tip = () => document.getElementById("tip");
 
 export async function loadTerms() {
   terms = await get("/api/terms");
-  // A scrolling page moves elements under a pointer at rest: only a pointer that leaves a term hides
-  // its explanation, and then that of the focused term is shown again.
+  // When the page scrolls, elements move under a pointer at rest. So an explanation is hidden only
+  // when the pointer leaves its term, and that of the focused term is then shown again.
   document.addEventListener("mouseover", (event) => named(event.target) && explain(event.target));
   document.addEventListener("mouseout", (event) => named(event.target) && explain(document.activeElement));
   document.addEventListener("focusin", (event) => explain(event.target));
