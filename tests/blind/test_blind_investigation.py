@@ -76,6 +76,25 @@ def test_no_policy_repeats_both_sweeps_for_ever() -> None:
     assert all(one.settled for one in runs)
 
 
+def test_what_takes_longer_than_the_time_left_is_not_waited_for_by_useless_measurements() -> None:
+    """As `motoremi investigate`: if what decides takes too long, the best of the rest is requested, and nothing if that is useless."""
+    long, useful, useless = (
+        Offer(Asked("dried"), 245.0, 0.5),
+        Offer(Asked("dc-bias", condition("dc-bias", 1.0)), 20.0, 0.2),
+        Offer(Asked("repeats"), 4.0, 0.0),
+    )
+    answer = Answer("family", ("bearing-film",), (("bearing-film", "dielectric-relaxation@Cr"),), 0.9)
+
+    def asked(done: bool, without: tuple[str, ...] = ()) -> Assessment:
+        offers = (long, useless) if done else (long, useful, useless)
+        left = tuple(offer for offer in offers if offer.id not in without)
+        stop = "" if left[0].bits else "inseparable"
+        return Assessment({"bearing-film": 0.9}, left, lambda: answer, stop, without=lambda names: asked(done, names))
+
+    run = play(sealed(), lambda evidence: asked(any(sweep.condition for sweep in evidence.sweeps)), (OWN_POLICY,))[0].run
+    assert (run.steps, run.stop) == (("dc-bias",), "budget")
+
+
 @pytest.mark.slow
 def test_what_one_policy_measured_is_judged_once() -> None:
     count = 0

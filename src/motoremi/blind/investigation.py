@@ -58,19 +58,18 @@ class ThisSoftware:
             del self._searched[next(iter(self._searched))]
         ready = time.perf_counter()
         rivals = lessons.after(measurement)
-        question = next_question(rivals, measurement, (), ODDS).to_dict()
-        took = time.perf_counter() - ready
-        listed = ([question] if question["id"] else []) + list(question["alternatives"])
-        return Assessment(
-            rivals.by_label,
-            tuple(Offer.of(one) for one in listed if one.get("asks")),
-            # Several policies may end with this evidence.
-            cache(lambda: _answer(found.informed_by(measurement))),
-            str(question["stop"] or ""),
-            tuple(taught.id.partition("=")[0] for taught in rivals.taught if taught.mistakes) + _mislabelled(measurement),
-            took,
-            ready - started,
-        )
+        # Several policies may end with this evidence.
+        conclude = cache(lambda: _answer(found.informed_by(measurement)))
+        mistaken = tuple(taught.id.partition("=")[0] for taught in rivals.taught if taught.mistakes) + _mislabelled(measurement)
+
+        def asked(without: tuple[str, ...]) -> Assessment:
+            question = next_question(rivals, measurement, without, ODDS).to_dict()
+            listed = ([question] if question["id"] else []) + list(question["alternatives"])
+            offers = tuple(Offer.of(one) for one in listed if one.get("asks"))
+            return Assessment(rivals.by_label, offers, conclude, str(question["stop"] or ""), mistaken, without=asked)
+
+        first = asked(())
+        return replace(first, seconds=time.perf_counter() - ready, search_seconds=ready - started)
 
 
 def _mislabelled(measurement: Measurement) -> tuple[str, ...]:
@@ -215,11 +214,13 @@ def _run(case: Sealed, policy: str, assessed: Callable[[_Done, Mapping[str, Offe
     while True:
         seconds.append(now.seconds)
         searches.append(now.search_seconds)
+        left_minutes = BUDGET_MINUTES - minutes
+        now = now.within(left_minutes)
         noticed.update(now.mistaken)
         # Repeats are always possible. No policy makes the same twice, unless this software requests it again.
         again = {name for name, _ in done} - {offer.id for offer in now.offers[:1]}
         offers = [offer for offer in now.offers if offer.id not in again]
-        left = [offer for offer in offers if minutes + offer.minutes <= BUDGET_MINUTES]
+        left = [offer for offer in offers if offer.minutes <= left_minutes]
         if now.stop or not left or len(done) >= MOST_STEPS:
             stop = now.stop or ("budget" if offers else "nothing-left")
             break

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -83,6 +83,8 @@ class Assessment:
         Time to compute the probabilities and to choose.
     search_seconds : float
         Time of the search for explanations, if the reference sweeps were new.
+    without : callable, optional
+        Returns the same with the question asked again without some measurements of the menu.
     """
 
     probabilities: Mapping[str, float]
@@ -92,6 +94,15 @@ class Assessment:
     mistaken: tuple[str, ...] = ()
     seconds: float = 0.0
     search_seconds: float = 0.0
+    without: Callable[[tuple[str, ...]], Assessment] | None = None
+
+    def within(self, left_minutes: float) -> Assessment:
+        """As `motoremi investigate`: what takes longer than the time left is not requested; if only that would tell more, the budget is spent."""
+        now, too_long = self, ()
+        while self.without is not None and not now.stop and now.offers and now.offers[0].minutes > left_minutes:
+            too_long = (*too_long, now.offers[0].id)
+            now = self.without(too_long)
+        return replace(now, stop="budget") if too_long and (now.stop or not now.offers) else now
 
 
 # The assessment after a measurement; used only by the policy that knows the truth.
