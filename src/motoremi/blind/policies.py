@@ -98,10 +98,10 @@ class Assessment:
 
     def within(self, left_minutes: float) -> Assessment:
         """As `motoremi investigate`: what takes longer than the time left is not requested; if only that would tell more, the budget is spent."""
-        now, too_long = self, ()
+        now, too_long = self, list[str]()
         while self.without is not None and not now.stop and now.offers and now.offers[0].minutes > left_minutes:
-            too_long = (*too_long, now.offers[0].id)
-            now = self.without(too_long)
+            too_long.append(now.offers[0].id)
+            now = self.without(tuple(too_long))
         return replace(now, stop="budget") if too_long and (now.stop or not now.offers) else now
 
 
