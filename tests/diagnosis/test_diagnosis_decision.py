@@ -187,6 +187,14 @@ def test_no_large_error_is_slight_because_moved_leads_change_a_resonance_by_more
     assert acceptance_of(base, fitted) == acceptance  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("left_percent", "acceptance"), [(49.0, "mostly"), (188.0, "not")])
+def test_a_model_that_misses_by_more_than_half_is_not_accepted_however_much_the_base_misses(left_percent, acceptance):
+    """Of an unconnected fixture nothing describes the sweeps, but an effect with extreme values leaves a small share of what the base leaves."""
+    base, fitted = left(1600.0, 1600.0, 2.0), left(left_percent, left_percent, 2.0)
+    fitted.measurement.analyser.named = True
+    assert acceptance_of(base, fitted) == acceptance  # type: ignore[arg-type]
+
+
 def test_a_value_just_outside_its_usual_range_is_not_unusual_where_the_law_leaves_more(healthy):
     with_relaxation = healthy.add("dielectric-relaxation@Cf")
     label = "dielectric-relaxation@Cf.strength"

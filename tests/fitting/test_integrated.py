@@ -47,13 +47,13 @@ def test_a_solution_is_at_its_minimum_also_along_a_valley(base: Fit, effect: str
 
 def test_a_cage_is_not_left_in_a_local_minimum(base: Fit) -> None:
     """What a cage does in this band is share * corner / sqrt(skin), whatever each of them is."""
-    found = integrated(base.add("rotor-cage"))[0]
+    found = integrated((base.add("rotor-cage"), 0.0))[0]
     share, corner, skin = (found.parameters[f"rotor-cage.{name}"] for name in ("share", "corner_hz", "skin_hz"))
     assert share * corner / np.sqrt(skin) * found.parameters["La"] == pytest.approx(0.5 * 1.5e3 / np.sqrt(2.7e3) * 9e-6, rel=0.05)
 
 
 def test_the_evidence_is_that_of_fits_with_the_parameter_held_at_each_of_its_values(base: Fit) -> None:
-    found, gained = integrated(base.add("eddy-laminations"))
+    found, gained = integrated((base.add("eddy-laminations"), 0.0))
     # The least known one, which its range limits; along the other the result would contain shares above one.
     name = "eddy-laminations.share"
     index = [p.name for p in found.weighed.unknowns].index(name)
@@ -78,4 +78,4 @@ def test_the_evidence_is_that_of_fits_with_the_parameter_held_at_each_of_its_val
 
 
 def test_a_fit_without_effects_is_left_alone(base: Fit) -> None:
-    assert integrated(base) == (base, 0.0)
+    assert integrated((base, 0.0)) == (base, 0.0)

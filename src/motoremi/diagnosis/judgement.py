@@ -632,7 +632,7 @@ def _integrated(base: Fit, found: Mapping[Key, Candidate], each: Map) -> dict[Ke
     best = best_of(found.values())
     near = [key for key, one in found.items() if 0 < len(key) <= len(best.added) and one.score > best.score - CONTENDING]
     again = {}
-    for key, (fit, gained) in zip(near, each(integrated, [found[key].fit for key in near]), strict=True):
+    for key, (fit, gained) in zip(near, each(integrated, [(found[key].fit, best.score - found[key].score) for key in near]), strict=True):
         one, better = found[key], candidate(fit, base)
         # The difference, since a score may have another prior than that of the number of effects (`as_in_every_winding`).
         again[key] = dataclasses.replace(better, score=one.score + better.score - candidate(one.fit, base).score + gained)

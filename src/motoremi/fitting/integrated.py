@@ -17,7 +17,7 @@ from motoremi.fitting.identify import following
 from motoremi.fitting.polish import FINE, polish
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import ARRIVAL_POINTS, CLOSE, misses_by_far
+from motoremi.fitting.search import ARRIVAL_POINTS, AS_PROBABLE, CLOSE, misses_by_far
 from motoremi.model.motor import BASE_PARAMETERS
 from motoremi.threads import one_blas_thread
 
@@ -36,37 +36,48 @@ SAME = 1.0
 
 
 @one_blas_thread
-def integrated(fit: Fit) -> tuple[Fit, float]:
+def integrated(job: tuple[Fit, float]) -> tuple[Fit, float]:
     """A fit, or a better one of the same model along the least known parameter of its effects; and what integration along that parameter adds to
     the log evidence by Laplace's method.
 
     Nothing is added for a model without effects, with effects whose parameters are known, or with an error of per cents. The sizes of the
     discrepancy and of the analyser's errors are those of the fit.
+
+    Parameters
+    ----------
+    job : tuple of Fit and float
+        The fit, and by how much its log score is below that of the best model: of a model far behind only a better solution matters, so it is
+        left as it is if few points show none.
     """
-    better, gained = _along_the_least_known(fit)
-    return (fit, gained) if better is fit else (better, _along_the_least_known(better)[1])
+    fit, behind = job
+    better, gained = _along_the_least_known(fit, behind)
+    return (fit, gained) if better is fit else (better, _along_the_least_known(better, 0.0)[1])
 
 
-def _along_the_least_known(fit: Fit) -> tuple[Fit, float]:
+def _along_the_least_known(fit: Fit, behind: float) -> tuple[Fit, float]:
     """As `integrated`; what is added is that of the given fit."""
     index = _least_known(fit)
     if index is None:
         return fit, 0.0
+    along = _Along(fit, index)
+    if behind > AS_PROBABLE and not along.shows_a_better_one:
+        return fit, 0.0
     problem, here = fit.weighed, fit.linearised
-    solutions = _solutions(fit, index)
+    solutions = along.solutions
     values = solutions[:, index]
     there = problem.linearised(solutions)
     best = int(np.argmin(there.objective))
-    better = also_from(fit, [Known(problem.named(solutions[best]))])
-    if abs(there.objective[best] - fit.objective) > SAME:
-        # A solution that is not the likelihood's own (`_better_than`), or one that was not found again.
-        return better, 0.0
+    if fit.objective - there.objective[best] > SAME:
+        return also_from(fit, [Known(problem.named(solutions[best]))]), 0.0
+    if there.objective[best] - fit.objective > SAME:
+        # The fit is not the likelihood's own solution (`_better_than`), or it was not found again.
+        return fit, 0.0
     densities = -0.5 * there.objective - 0.5 * _log_determinant(problem, np.delete(np.delete(there.matrix, index, 1), index, 2), index)
     gaps = np.diff(values)
     widths = 0.5 * (np.append(gaps, 0.0) + np.insert(gaps, 0, 0.0))
     laplace = -0.5 * fit.objective - 0.5 * float(_log_determinant(problem, here.matrix)) + 0.5 * np.log(2 * np.pi)
     gained = float(logsumexp(densities, b=widths) - laplace)
-    return better, gained if np.isfinite(gained) else 0.0
+    return fit, gained if np.isfinite(gained) else 0.0
 
 
 def _least_known(fit: Fit) -> int | None:
@@ -89,36 +100,58 @@ def valley(fit: Fit) -> FloatArray:
     They are likely start values where other data are to be described as well.
     """
     index = _least_known(fit)
-    return np.empty((0, fit.unknowns.size)) if index is None else _solutions(fit, index)
+    return np.empty((0, fit.unknowns.size)) if index is None else _Along(fit, index).solutions
 
 
-def _solutions(fit: Fit, index: int) -> FloatArray:
-    """The solutions at several values of one unknown, shape (m, k): on few points, and the likely ones then on all."""
-    problem, solution = fit.weighed, fit.unknowns
-    low, high = float(problem.low[index]), float(problem.high[index])
-    # Of the likelihood alone; the prior limits it where the data determine next to nothing.
-    deviation = float(np.sqrt(fit.covariance[index, index]))
-    values = np.unique(np.clip([*np.linspace(low, high, VALUES), *(solution[index] + deviation * np.array(ROUND_IT))], low, high))
-    start = problem.clip(solution + following(fit.linearised.matrix, index) * (values - solution[index])[:, None])
-    start[:, index] = values
-    task = fit.task.sweeping(fit.weighed.unknowns[index].name)
-    coarse = task.likelihood(ARRIVAL_POINTS, fit.sizes)
-    ends = polish(coarse, start, iterations=STEPS, precision=CLOSE)
-    found, objective = ends.u, ends.objective
-    for _ in range(PASSES):
-        for here, neighbour in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-            from_neighbour = found[neighbour].copy()
-            from_neighbour[:, index] = start[here, index]
-            ends = polish(coarse, from_neighbour, iterations=STEPS, precision=CLOSE)
-            better = ends.objective < objective[here]
-            found[here] = np.where(better[:, None], ends.u, found[here])
-            objective[here] = np.where(better, ends.objective, objective[here])
-    likely = np.flatnonzero(objective < objective.min() + 2 * NOTHING)
-    # Also from the given start values: on few points another local minimum may be the lowest.
-    ends = polish(task.likelihood(None, fit.sizes), np.concatenate([found[likely], start[likely]]), iterations=LAST_STEPS, precision=FINE)
-    again = ends.objective[likely.size :] < ends.objective[: likely.size]
-    found[likely] = np.where(again[:, None], ends.u[likely.size :], ends.u[: likely.size])
-    return found
+class _Along:
+    """The solutions at several values of one unknown, first on few points.
+
+    Attributes
+    ----------
+    shows_a_better_one : bool
+        Whether few points show a solution with a lower objective than that of the fit.
+    """
+
+    def __init__(self, fit: Fit, index: int) -> None:
+        problem, solution = fit.weighed, fit.unknowns
+        low, high = float(problem.low[index]), float(problem.high[index])
+        # Of the likelihood alone; the prior limits it where the data determine next to nothing.
+        deviation = float(np.sqrt(fit.covariance[index, index]))
+        values = np.unique(np.clip([*np.linspace(low, high, VALUES), *(solution[index] + deviation * np.array(ROUND_IT))], low, high))
+        start = problem.clip(solution + following(fit.linearised.matrix, index) * (values - solution[index])[:, None])
+        start[:, index] = values
+        self._task, self._sizes = fit.task.sweeping(problem.unknowns[index].name), fit.sizes
+        self._index, self._start = index, start
+        self._coarse = self._task.likelihood(ARRIVAL_POINTS, fit.sizes)
+        ends = polish(self._coarse, start, iterations=STEPS, precision=CLOSE)
+        own = float(ends.objective[int(np.argmin(np.abs(values - solution[index])))])
+        self._found, self._objective = ends.u, ends.objective
+        for _ in range(PASSES):
+            self._pass_on(1)
+            self._pass_on(-1)
+        self.shows_a_better_one = bool(self._objective.min() < own - SAME)
+
+    def _pass_on(self, step: int) -> None:
+        """Solve at each value from the solution at its neighbour, the last or the next one; what is better is kept."""
+        here, neighbour = (slice(1, None), slice(None, -1)) if step > 0 else (slice(None, -1), slice(1, None))
+        from_neighbour = self._found[neighbour].copy()
+        from_neighbour[:, self._index] = self._start[here, self._index]
+        ends = polish(self._coarse, from_neighbour, iterations=STEPS, precision=CLOSE)
+        better = ends.objective < self._objective[here]
+        self._found[here] = np.where(better[:, None], ends.u, self._found[here])
+        self._objective[here] = np.where(better, ends.objective, self._objective[here])
+
+    @property
+    def solutions(self) -> FloatArray:
+        """Shape (m, k): the likely ones on all points."""
+        found = self._found.copy()
+        likely = np.flatnonzero(self._objective < self._objective.min() + 2 * NOTHING)
+        # Also from the given start values: on few points another local minimum may be the lowest.
+        starts = np.concatenate([found[likely], self._start[likely]])
+        ends = polish(self._task.likelihood(None, self._sizes), starts, iterations=LAST_STEPS, precision=FINE)
+        again = ends.objective[likely.size :] < ends.objective[: likely.size]
+        found[likely] = np.where(again[:, None], ends.u[likely.size :], ends.u[: likely.size])
+        return found
 
 
 def _log_determinant(problem: Problem, matrix: FloatArray, without: int | None = None) -> FloatArray:
