@@ -170,3 +170,16 @@ def test_a_remark_of_an_older_session_is_no_condition(tmp_path: Path) -> None:
 def test_sweeps_under_conditions_alone_are_refused() -> None:
     with pytest.raises(BadInput, match="every sweep is under a condition"):
         Measurement.of([sweep("short", "dc-bias=1A")])
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ("dc-resistance=2.3Ohm+-5%", "dc-resistance=2.3Ohm+-115mOhm"),
+        ("capacitance-1khz=1nF", "capacitance-1khz=1nF+-10pF"),
+        ("capacitance-1khz=950pF", "capacitance-1khz=950pF+-9.5pF"),
+    ],
+)
+def test_an_uncertainty_in_percent_is_shown_without_binary_rounding(given: str, text: str) -> None:
+    assert parse_value(given).text == text
+    assert parse_value(text) == parse_value(given)

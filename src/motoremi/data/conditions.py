@@ -274,9 +274,9 @@ def parse_value(text: str) -> SingleValue:
         raise BadInput(f"cannot read {clean_text(given, 60)!r} as a value with one uncertainty: write for example {name}={setting.example}+-1%")
     value = _with_unit(name, parts[0], setting)
     if len(parts) == 1:
-        return checked_value(SingleValue(name, value, setting.unit, quantity.relative * abs(value) + quantity.absolute))
+        return checked_value(SingleValue(name, value, setting.unit, _decimal(quantity.relative * abs(value) + quantity.absolute)))
     stated = parts[1]
-    sigma = parse(stated, "%") / 100 * abs(value) if stated.endswith("%") else _with_unit(name, stated, setting)
+    sigma = _decimal(parse(stated, "%") / 100 * abs(value)) if stated.endswith("%") else _with_unit(name, stated, setting)
     return checked_value(SingleValue(name, value, setting.unit, sigma))
 
 
@@ -301,6 +301,11 @@ def _quantity(name: str) -> Quantity:
     if name not in VALUES:
         raise BadInput(f"unknown value {clean_text(name, 40)!r}; known are {', '.join(VALUES)}")
     return VALUES[name]
+
+
+def _decimal(value: float) -> float:
+    """Without the binary rounding of a product: 5 % of 2.3 is 0.115, not 0.11499999999999999."""
+    return float(f"{value:.12g}")
 
 
 def _with_unit(name: str, text: str, setting: Setting) -> float:
