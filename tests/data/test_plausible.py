@@ -115,6 +115,14 @@ def test_frequencies_in_another_unit_are_reported(factor: float, span: str) -> N
     assert implausible(factor * frequency, 3 + 2j * np.pi * frequency * 27e-6) == expected
 
 
+def test_kilohertz_called_megahertz_are_reported() -> None:
+    frequency = np.geomspace(150e3, 30e6, 101)
+    impedance = 3 + 2j * np.pi * frequency * 27e-6
+    (told,) = implausible(1e3 * frequency, impedance)
+    assert told == "the frequencies are 150 MHz - 30 GHz, and no motor is measured up to 30 GHz: is their unit right?"
+    assert implausible(100 * frequency, impedance) == ()
+
+
 @pytest.mark.slow
 def test_the_verdict_is_data(tmp_path: Path) -> None:
     for sweep in simulated_sweeps(3)[0]:

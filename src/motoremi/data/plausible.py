@@ -30,9 +30,9 @@ LEAST_CHANGE = 0.3
 LEAST_RESISTANCE, OF_POINTS = -0.1, 0.01
 # |Z| of a sweep is doubtful if no point lies between these: 10 nH have 2 Ohm at 30 MHz, 1 pF has 1 MOhm at 150 kHz.
 LEAST_OHM, MOST_OHM = 0.05, 50e6
-# Frequencies are doubtful if none is above the first or all are above the second: megahertz in a column called hertz end at some tens of hertz, and
-# hertz in one called megahertz begin at 150 GHz. No analyser of a bench procedure reaches further than 3 GHz.
-LEAST_HIGHEST_HZ, MOST_LOWEST_HZ = 1e3, 3e9
+# Frequencies are doubtful if none is above the first or any is above the second: megahertz in a column called hertz end at some tens of hertz, and
+# kilohertz in one called megahertz, of a sweep to 30 MHz, end at 30 GHz. No analyser of a bench procedure reaches further than 3 GHz.
+LEAST_HIGHEST_HZ, MOST_HZ = 1e3, 3e9
 
 
 class PhaseAgainstSlope(NamedTuple):
@@ -102,8 +102,11 @@ def implausible(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> tuple[
         said.append(
             f"|Z| is {show(float(size.min()), 'Ohm')} - {show(float(size.max()), 'Ohm')} at all frequencies: is the unit of its columns right?"
         )
-    if frequency_hz[-1] < LEAST_HIGHEST_HZ or frequency_hz[0] > MOST_LOWEST_HZ:
-        said.append(f"the frequencies are {show_band(float(frequency_hz[0]), float(frequency_hz[-1]))}: is their unit right?")
+    span = f"the frequencies are {show_band(float(frequency_hz[0]), float(frequency_hz[-1]))}"
+    if frequency_hz[-1] < LEAST_HIGHEST_HZ or frequency_hz[0] > MOST_HZ:
+        said.append(f"{span}: is their unit right?")
+    elif frequency_hz[-1] > MOST_HZ:
+        said.append(f"{span}, and no motor is measured up to {show(float(frequency_hz[-1]), 'Hz')}: is their unit right?")
     return tuple(said)
 
 
