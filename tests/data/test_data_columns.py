@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
 from motoremi.data.columns import find_columns, unit_trouble, with_units, without_description
+from motoremi.data.files import read_impedance
 from motoremi.data.table import Table
+from motoremi.errors import BadInput
 
 
 def table(*titles: str) -> Table:
@@ -155,3 +158,26 @@ def test_words_before_the_first_name_are_no_part_of_it(words: str) -> None:
 def test_a_first_name_with_a_dash_in_it_stays() -> None:
     for title in ("frequency - Hz", "Trace 1: Impedance: Magnitude (Ohm)", "Point - number"):
         assert without_description(table(title, "R (Ohm)")).columns[0] == title
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "Frequency (MHz),Mag (Ohm),Phase (deg)",
+        "Freq. (MHz),Z (Ohm),Ph (deg)",
+        "F/MHz,Z/Ohm,Ph/deg",
+        "Frequency (MHz),Trace A |Z| (Ohm),Trace B Theta (deg)",
+    ],
+)
+def test_common_english_titles_are_read(tmp_path: Path, titles: str) -> None:
+    rows = "".join(f"{number},{20 * number},90\n" for number in range(1, 11))
+    (tmp_path / "a.csv").write_text(f"{titles}\n{rows}")
+    sweep = read_impedance(tmp_path / "a.csv", "short")
+    assert sweep.frequency_hz == pytest.approx([1e6 * number for number in range(1, 11)])
+    assert sweep.impedance_ohm == pytest.approx([20j * number for number in range(1, 11)])
+
+
+def test_titles_that_are_not_understood_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("Frequency (MHz),|Z| (Ohm),Wobble (deg)\n0.15,3,90\n1,20,90\n30,600,90\n")
+    with pytest.raises(BadInput, match=r"not understood: 'Wobble \(deg\)'"):
+        read_impedance(tmp_path / "a.csv", "short")

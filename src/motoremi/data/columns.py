@@ -23,8 +23,8 @@ _SEPARATORS = re.compile(f"[{_BETWEEN}]+")
 # An E4990A marks its data traces with `-data`, and the memory traces that it keeps for comparison with `-mem`.
 _TRACE_MARK = re.compile(r"[\s_\-]*\bdata$|_data$", re.IGNORECASE)
 _MEMORY = re.compile(r"-mem\s*$", re.IGNORECASE)
-# WaveForms and Bode Analyzer Suite begin titles with `Trace` and its number.
-_TRACE_NUMBER = re.compile(r"^Trace(?:\s*[0-9]+)?\s*(?::|\s)\s*", re.IGNORECASE)
+# WaveForms and Bode Analyzer Suite begin titles with `Trace` and its number, Keysight analysers with its letter.
+_TRACE_NUMBER = re.compile(r"^Trace(?:\s*[0-9]+|\s+[A-D](?=[\s:]))?\s*(?::|\s)\s*", re.IGNORECASE)
 # The two parameters of an LCR meter, and a trace of a ZNB such as `re:Trc1_S11` or `re:Trc1_Z<-S11`.
 _PLACE = re.compile(r"^(?:Primary|Secondary)\s+(?=\S)", re.IGNORECASE)
 _ZNB_TRACE = re.compile(r"^(re|im|mag|db|ang)\s*:\s*Trc[0-9]+_([^<\s]+)(?:<-S11)?", re.IGNORECASE)
@@ -84,9 +84,9 @@ _QUANTITIES = (
     _Quantity("frequency", HERTZ, _FREQUENCY),
     _Quantity("resistance", OHM, (*_RESISTANCE, "r", *_REAL, "z'", *_part(_Z, *_REAL))),
     _Quantity("reactance", OHM, (*_REACTANCE, "x", "xs", *_IMAGINARY, "z''", *_part(_Z, *_IMAGINARY))),
-    _Quantity("magnitude", OHM, (*_Z, "|z|", "zmod", *_MAGNITUDE[2:], *_part(_Z, *_MAGNITUDE))),
+    _Quantity("magnitude", OHM, (*_Z, "|z|", "zmod", *_MAGNITUDE[1:], *_part(_Z, *_MAGNITUDE))),
     # Some LCR meters write the unit behind the symbol, `θr` and `θd`.
-    _Quantity("phase", ANGLE, (*_PHASE, "phase_angle", "thetar", "thetad", "zphz", *_part(_Z, *_PHASE))),
+    _Quantity("phase", ANGLE, (*_PHASE, "ph", "phase_angle", "thetar", "thetad", "zphz", *_part(_Z, *_PHASE))),
     _Quantity("conductance", SIEMENS, ("conductance", "g", "gp", *_part(_Y, *_REAL))),
     _Quantity("susceptance", SIEMENS, ("susceptance", "b", "bp", *_part(_Y, *_IMAGINARY))),
     _Quantity("admittance", SIEMENS, (*_Y, "|y|", *_part(_Y, *_MAGNITUDE))),
@@ -189,7 +189,7 @@ def find_columns(table: Table) -> dict[str, Column]:
         if known is None or interpreted is None:
             continue
         meaning, factor = interpreted
-        if meaning == "phase" and reflects and known.name in _PHASE and known.name != "theta":
+        if meaning == "phase" and reflects and known.name in (*_PHASE, "ph") and known.name != "theta":
             meaning = "reflection_phase"
         if meaning in found:
             if _is_copy(table, found[meaning], Column(index, factor)):
@@ -306,3 +306,9 @@ def holds_levels(title: str) -> bool:
 def columns_found(table: Table) -> str:
     """The column names for a message."""
     return clean_text(", ".join(table.columns), 200)
+
+
+def not_understood(table: Table) -> str:
+    """The column names that are not known, for a message; empty if there are none, or no other."""
+    unknown = [repr(clean_text(title, 40)) for title in table.columns if title.strip() and not meanings_of(title)]
+    return f"not understood: {', '.join(unknown)}" if 0 < len(unknown) < len(table.columns) else ""

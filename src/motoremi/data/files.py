@@ -12,7 +12,17 @@ import numpy as np
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.agilent_ascii import is_agilent_ascii, parse_agilent_ascii
 from motoremi.data.analyser_csv import is_analyser_csv, plain_table
-from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, meanings_of, unit_trouble, with_units, without_description
+from motoremi.data.columns import (
+    Column,
+    columns_found,
+    find_columns,
+    has_decibels,
+    meanings_of,
+    not_understood,
+    unit_trouble,
+    with_units,
+    without_description,
+)
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, in_rising_order
@@ -388,7 +398,8 @@ def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
 
 
 def _wrong_columns(table: Table, found: dict[str, Column]) -> BadInput:
-    have = f"found {columns_found(table)}"
+    unknown = not_understood(table)
+    have = f"found {columns_found(table)}{f'; {unknown}' if unknown else ''}"
     if any(meaning.startswith("level") for meaning in found):
         return WrongKind(f"{table.name}: is an emission spectrum ({have}), but an impedance sweep is needed here")
     troubles = [trouble for trouble in (unit_trouble(table), complex_trouble(table)) if trouble]
