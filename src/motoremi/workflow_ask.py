@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,8 @@ from typing import Any
 from motoremi.arrays import JsonDict
 from motoremi.data.session import is_up_to_date, load
 from motoremi.data.text import clean_text
-from motoremi.data.text_file import decode, read_bytes, show_name
+from motoremi.data.text_file import show_name
+from motoremi.data.toml_file import read_toml
 from motoremi.errors import BadInput
 from motoremi.investigation.menu import BY_NAME
 from motoremi.investigation.question import NOTHING_ASKED, NOTHING_BITS
@@ -109,10 +109,7 @@ def own_measurements(path: Path) -> list[JsonDict]:
         If it cannot be read.
     """
     name = show_name(path)
-    try:
-        tables = tomllib.loads(decode(read_bytes(path), name)).get("measurement", [])
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{name}: {clean_text(str(error), 100)}") from error
+    tables = read_toml(path).get("measurement", [])
     if not isinstance(tables, list) or not tables:
         raise BadInput(f"{name}: holds no [[measurement]] table with id and minutes")
     for table in tables:

@@ -42,7 +42,7 @@ def test_a_named_file_and_a_variable(tmp_path):
         ("[fitt]\nseed = 1", "did you mean fit?"),
         ("[fit]\nsede = 1", "did you mean seed?"),
         ("fit = 1", "write a table"),
-        ("[fit", "cannot be read as TOML"),
+        ("[fit", "is not TOML"),
         ("effects-from = 'x.py'", "runs code"),
     ],
 )

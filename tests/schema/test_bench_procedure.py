@@ -133,7 +133,7 @@ def test_all_mistakes_are_told_at_once() -> None:
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(b"title = ", "not valid TOML"), (b"\xff\xfe", "not UTF-8 text"), (None, "cannot read")],
+    [(b"title = ", "is not TOML: "), (b"\xff\xfea", "is damaged UTF-16 text; save it again as UTF-8"), (None, "no such file")],
 )
 def test_files_that_are_none(tmp_path: Path, content: bytes | None, message: str) -> None:
     path = tmp_path / "broken.toml"
@@ -162,6 +162,15 @@ def test_a_bench_file(tmp_path: Path) -> None:
     assert bench.resources == {"analyser": "GPIB0::9::INSTR"}
     assert bench.calibrated == {"analyser": date(2026, 3, 1)}
     assert (bench.operator, bench.allow, bench.backend) == ("Liu", frozenset({"GPIB0::9::INSTR"}), "")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_files_of_an_editor_that_marks_the_encoding(tmp_path: Path, encoding: str) -> None:
+    bench, procedure = tmp_path / "bench.toml", tmp_path / "mine.toml"
+    bench.write_text('operator = "Liu"\n', encoding=encoding)
+    assert load_bench_file(bench).operator == "Liu"
+    procedure.write_text('title = "Mine"\ninstruments = {}\nsteps = [{ do = "fit" }]\n', encoding=encoding)
+    assert load_procedure(procedure).title == "Mine"
 
 
 def test_the_simulated_bench_needs_no_file() -> None:

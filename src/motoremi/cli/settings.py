@@ -5,12 +5,12 @@ from __future__ import annotations
 import difflib
 import os
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import typer
 
+from motoremi.data.toml_file import read_toml
 from motoremi.errors import BadInput
 
 LOCAL_NAME = "motoremi.toml"
@@ -76,10 +76,8 @@ def _from_file(file: Path, commands: dict[str, Any]) -> dict[str, dict[str, Any]
     BadInput
         If the file is not TOML, or names a command or an option that does not exist.
     """
-    try:
-        content = tomllib.loads(file.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BadInput(f"{file}: cannot be read as TOML: {error}") from error
+    # An empty file has no settings.
+    content = read_toml(file) if file.stat().st_size else {}
     found: dict[str, dict[str, Any]] = {}
     for table, entries in content.items():
         if table not in commands:

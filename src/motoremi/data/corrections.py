@@ -6,7 +6,6 @@ shown.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import date
@@ -21,7 +20,8 @@ from motoremi.data.correction_tables import DB_OHM, read_decibels, read_two_port
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
-from motoremi.data.text_file import decode, read_bytes, show_name
+from motoremi.data.text_file import show_name
+from motoremi.data.toml_file import read_toml
 from motoremi.errors import BadInput
 from motoremi.quantities import parse, show_band
 
@@ -318,11 +318,7 @@ def read_corrections(path: str | Path, confirm: Callable[[str], bool] | None = N
         If the file, or a table that it names, cannot be used.
     """
     shown = show_name(path)
-    try:
-        content = tomllib.loads(decode(read_bytes(path), shown))
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{shown}: is not TOML: {error}") from error
-    listed = content.get("correction")
+    listed = read_toml(path).get("correction")
     if not isinstance(listed, list) or not listed:
         raise BadInput(f"{shown}: holds no [[correction]]; each has name, kind and db or file")
     return with_tables(Corrections.of(listed, shown), Path(path).parent, confirm)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
@@ -12,7 +11,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from motoremi.data.corrections import problems
 from motoremi.data.logo import MAXIMUM_BYTES, PNG_START, checked_png, png_logo, svg_logo
-from motoremi.data.text_file import decode, read_bytes, show_name
+from motoremi.data.text_file import read_bytes, show_name
+from motoremi.data.toml_file import read_toml
 from motoremi.errors import BadInput
 from motoremi.quantities import parse
 
@@ -111,10 +111,7 @@ def read_laboratory(path: Path) -> Laboratory:
         With file and key in one line if the profile, or its logo, cannot be used.
     """
     shown = show_name(path)
-    try:
-        content = tomllib.loads(decode(read_bytes(path), shown))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise BadInput(f"{shown}: is not TOML: {error}") from error
+    content = read_toml(path)
     for key in ("logo_png", "logo_svg"):
         if key in content:
             raise BadInput(f'{shown}: {key} is for stored profiles; name the file: logo = "logo.svg"')

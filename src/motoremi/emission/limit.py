@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +14,8 @@ from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.corrections import UNITS
 from motoremi.data.spectrum import DETECTORS, Detector
 from motoremi.data.text import clean_text
-from motoremi.data.text_file import decode, read_bytes, show_name
+from motoremi.data.text_file import show_name
+from motoremi.data.toml_file import parse_toml, read_toml
 from motoremi.errors import BadInput
 
 LEVEL_UNITS = tuple(dict.fromkeys(UNITS.values()))
@@ -128,18 +128,13 @@ def find_limit(name: str | Path) -> Limit:
     """
     text = str(name)
     if text in limit_names():
-        return _parse((_folder() / f"{text}.toml").read_text(encoding="utf-8"), text, text)
+        return _limit(parse_toml((_folder() / f"{text}.toml").read_bytes(), text), text, text)
     if text.endswith(".toml"):
-        shown = show_name(text)
-        return _parse(decode(read_bytes(text), shown), Path(text).stem, shown)
+        return _limit(read_toml(text), Path(text).stem, show_name(text))
     raise BadInput(f"unknown limit {clean_text(text, 60)!r}: use {', '.join(limit_names())}, or the path of your own .toml file")
 
 
-def _parse(text: str, name: str, shown: str) -> Limit:
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{shown}: is not TOML: {error}") from error
+def _limit(content: JsonDict, name: str, shown: str) -> Limit:
     lines = content.get("line")
     if not isinstance(lines, list) or not lines:
         raise BadInput(f"{shown}: a limit needs at least one [[line]] with a detector and segments")

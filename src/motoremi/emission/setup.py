@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -14,7 +13,8 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.corrections import Corrections
 from motoremi.data.spectrum import Detector
-from motoremi.data.text_file import decode, read_bytes, show_name
+from motoremi.data.text_file import show_name
+from motoremi.data.toml_file import read_toml
 from motoremi.emission.band import BAND_B, BANDS, Band
 from motoremi.emission.commutation import Commutation, commutation_time
 from motoremi.emission.path import LISN_50UH, Cable, Path, find_lisn
@@ -239,9 +239,7 @@ def read_setup(path: str | File) -> Setup:
     """
     shown = show_name(path)
     try:
-        return Setup.from_dict(tomllib.loads(decode(read_bytes(path), shown)))
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{shown}: is not TOML: {error}") from error
+        return Setup.from_dict(read_toml(path))
     except BadInput as error:
         raise BadInput(f"{shown}: {error}" if shown not in str(error) else str(error)) from error
 

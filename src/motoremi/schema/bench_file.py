@@ -12,12 +12,13 @@ from pydantic import Field
 from motoremi.bench.connect import refuse_unless_allowed
 from motoremi.data.corrections import Correction, Corrections, with_tables
 from motoremi.data.corrections import Role as Corrected
+from motoremi.data.toml_file import read_toml
 from motoremi.schema.procedure import Procedure
 from motoremi.schema.procedure_tables import Band, InstrumentSpec
 from motoremi.schema.quantity_field import Quantity
 from motoremi.schema.roles import Role
 from motoremi.schema.strict import Strict
-from motoremi.schema.toml_file import checked, parsed_toml, read_text
+from motoremi.schema.toml_file import checked
 
 
 class BenchFile(Strict):
@@ -76,5 +77,5 @@ def load_bench_file(path: str | Path, confirm: Callable[[str], bool] | None = No
     """
     if str(path) == "sim":
         return BenchFile(backend="sim")
-    bench_file = checked(BenchFile, parsed_toml(read_text(Path(path)), str(path)), str(path))
+    bench_file = checked(BenchFile, read_toml(path), str(path))
     return bench_file.model_copy(update={"correction": with_tables(bench_file.corrections, Path(path).parent, confirm).entries})

@@ -17,6 +17,7 @@ from motoremi.bench.connect import driver_class
 from motoremi.bench.impedance_analyser import ImpedanceAnalyser, refuse_without
 from motoremi.bench.receiver import EmiReceiver
 from motoremi.data.text import clean_text
+from motoremi.data.toml_file import parse_toml, read_toml
 from motoremi.emission.band import band_at, misread
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput
@@ -27,7 +28,7 @@ from motoremi.schema.quantity_field import Quantity
 from motoremi.schema.roles import Role
 from motoremi.schema.state_steps import SupplyStep, WaitFor
 from motoremi.schema.strict import Strict
-from motoremi.schema.toml_file import checked, parsed_toml, read_text
+from motoremi.schema.toml_file import checked
 
 # More steps than a bench can do in a week; a larger number would only fill memory.
 MOST_STEPS = 10_000
@@ -206,10 +207,10 @@ def load_procedure(path: str | Path) -> Procedure:
     # A session folder may have the name of the procedure.
     if not Path(path).is_file() and str(path) in ready:
         shipped = resources.files("motoremi.procedures") / f"{path}.toml"
-        return parse_procedure(parsed_toml(shipped.read_text(encoding="utf-8"), f"{path}.toml"), f"{path}.toml")
+        return parse_procedure(parse_toml(shipped.read_bytes(), f"{path}.toml"), f"{path}.toml")
     if not Path(path).exists() and not Path(path).suffix:
         raise BadInput(f"there is no procedure {clean_text(str(path), 60)!r}: use {', '.join(ready)}, or the path of your own .toml file")
-    return parse_procedure(parsed_toml(read_text(Path(path)), str(path)), str(path))
+    return parse_procedure(read_toml(path), str(path))
 
 
 def parse_procedure(data: Mapping[str, Any], where: str) -> Procedure:

@@ -1,32 +1,15 @@
-"""Reads TOML files and checks them against their schema; errors are one line with file, step and key."""
+"""Checks the content of TOML files against their schema; errors are one line with file, step and key."""
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from motoremi.arrays import JsonDict
 from motoremi.errors import BadInput
 
 Model = TypeVar("Model", bound=BaseModel)
-
-
-def read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read {path}: {getattr(error, 'strerror', None) or 'it is not UTF-8 text'}") from error
-
-
-def parsed_toml(text: str, where: str) -> JsonDict:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{where}: not valid TOML: {error}") from error
 
 
 def checked(model: type[Model], data: Mapping[str, Any], where: str) -> Model:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import re
 import tempfile
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -14,7 +13,8 @@ from motoremi.data.laboratory import Laboratory, read_laboratory
 from motoremi.data.session import Session
 from motoremi.data.storage import write_whole
 from motoremi.data.text import clean_text
-from motoremi.data.text_file import decode, show_name
+from motoremi.data.text_file import show_name
+from motoremi.data.toml_file import parse_toml
 from motoremi.errors import BadInput
 from motoremi.workbench.tray import last_part
 from motoremi.workflow_issue import laboratory_in
@@ -100,10 +100,7 @@ def _checked(profile: str, files: Mapping[str, bytes]) -> tuple[Laboratory, str]
     BadInput
         If the profile or its logo cannot be used; the message uses the names under which the files were sent.
     """
-    try:
-        logo = tomllib.loads(decode(files[profile], profile)).get("logo", "")
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise BadInput(f"{profile}: is not TOML: {error}") from error
+    logo = parse_toml(files[profile], profile).get("logo", "")
     needed = {PROFILE: files[profile]}
     if isinstance(logo, str) and logo:
         # Only files that were chosen on the page are used, none from this machine's disk.

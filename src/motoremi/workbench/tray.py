@@ -6,7 +6,6 @@ import hashlib
 import re
 import tempfile
 import threading
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from motoremi.data.recognise import Recognised, recognise
 from motoremi.data.sweep import TERMINATIONS
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import decode, refuse_empty
+from motoremi.data.toml_file import parse_toml
 from motoremi.data.touchstone import FIXTURES
 from motoremi.errors import BadInput
 from motoremi.quantities import show_band
@@ -297,10 +297,7 @@ def _tables(data: bytes, name: str) -> frozenset[str]:
     BadInput
         If it holds no corrections.
     """
-    try:
-        listed = tomllib.loads(decode(data, name)).get("correction")
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{name}: is not TOML: {error}") from error
+    listed = parse_toml(data, name).get("correction")
     if not isinstance(listed, list) or not listed:
         raise BadInput(f"{name}: holds no [[correction]]; each has name, kind and db or file (a laboratory's profile is chosen on the view Report)")
     return frozenset(str(entry["file"]) for entry in listed if isinstance(entry, dict) and entry.get("file"))
