@@ -158,6 +158,8 @@ def test_a_table_that_cannot_be_used_is_one_line(tmp_path: Path, table: str, say
         ('[[correction]]\nname = "pad"\nkind = "loss"\ndb = 10\ncolour = "red"\n', "unknown key"),
         ('[[correction]]\nname = "pad"\nkind = "loss"\nunit = "dB/m"\ndb = 10\n', "only a transducer"),
         ('[[correction]]\nname = "pad"\nkind = "loss"\ndb = [1, 2]\nfrequency_hz = [2e5, 1e5]\n', "must increase"),
+        ('[[correction]]\nname = "pad"\nkind = "loss"\ndb = 1000\n', "toml: pad: db: 1000 dB is out of range (-200 to 200 dB)"),
+        ('[correction]\nname = "pad"\nkind = "loss"\ndb = 10\n', "write [[correction]], with two brackets"),
         ("db = 10\n", "[[correction]]"),
         ("[[correction]\n", "not TOML"),
     ],

@@ -39,7 +39,7 @@ def test_a_profile_comes_back_as_it_is_stored(tmp_path):
         ("name = 'x'\nlogo = 'lab.toml'", "is not an image"),
         ("name = 'x'\nlogo_svg = '<svg/>'", "name the file"),
         ("name = 'x'\ncalibration_interval = '3 m'", "calibration_interval"),
-        ("name = 'x'\n[[equipment]]\nkind = 'LISN'\nname = 'y'\ndue = 'soon'", "equipment.due"),
+        ("name = 'x'\n[[equipment]]\nkind = 'LISN'\nname = 'y'\ndue = 'soon'", "lab.toml: y: due: "),
         ("name = 'x'\n[decision_rule]\nrule = 'y'", "decision_rule.source"),
     ],
 )

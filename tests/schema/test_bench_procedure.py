@@ -184,6 +184,33 @@ def test_mistakes_in_a_bench_file(tmp_path: Path) -> None:
         load_bench_file(path)
 
 
+PAD = '[[correction]]\nname = "pad"\nkind = "loss"\n'
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (PAD + "db = 1000", "pad: db: 1000 dB is out of range (-200 to 200 dB)"),
+        (PAD + "db = nan", "pad: db: nan dB is out of range (-200 to 200 dB)"),
+        (PAD + "db = [1, 1000]\nfrequency_hz = [1e5, 3e7]", "pad: db.1: 1000 dB is out of range (-200 to 200 dB)"),
+        (PAD, 'pad: give db = 10.0, or file = "table.csv"'),
+        (PAD + "db = 1\ncolour = 2", "pad: colour: unknown key"),
+        (PAD.replace("[[", "[").replace("]]", "]") + "db = 1", "correction: write [[correction]], with two brackets"),
+        ('allow = "x"', "allow: must be a list, in brackets"),
+        (
+            '[resources]\nanalyzer = "x"',
+            "resources.analyzer: not known; write analyser, receiver, supply, voltmeter, ammeter, tachometer or thermometer",
+        ),
+    ],
+)
+def test_mistakes_in_a_bench_file_are_told_in_its_own_words(tmp_path: Path, content: str, message: str) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(BadInput) as caught:
+        load_bench_file(path)
+    assert str(caught.value) == f"{path}: {message}"
+
+
 @pytest.mark.parametrize("text", ["nan kHz", "inf kHz", "-inf Hz", "nan", "NaN MHz"])
 def test_a_quantity_that_is_no_number_is_told_as_that(text: str) -> None:
     with pytest.raises(BadInput, match=f"'{text}' is not a finite number"):

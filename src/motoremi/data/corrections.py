@@ -17,6 +17,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.correction_tables import DB_OHM, read_decibels, read_two_port, standard_unit
+from motoremi.data.model_errors import problems
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text import clean_text
@@ -38,11 +39,19 @@ _OTHER = {"loss": "gain", "gain": "loss"}
 WIDE_GAP = 10.0
 
 
+# Limits of a value in dB; what is beyond them is not a value in dB.
+_LOWEST, _HIGHEST = -200.0, 200.0
+
+
 def _decibels(value: object) -> object:
-    return parse(value, "dB") if isinstance(value, str) else value
+    number = parse(value, "dB") if isinstance(value, str) else value
+    # Here, so that the message names value, unit and both limits; nan is outside too.
+    if isinstance(number, int | float) and not _LOWEST <= number <= _HIGHEST:
+        raise BadInput(f"{number:g} dB is out of range ({_LOWEST:g} to {_HIGHEST:g} dB)")
+    return number
 
 
-Decibels = Annotated[float, BeforeValidator(_decibels), Field(ge=-200, le=200, allow_inf_nan=False)]
+Decibels = Annotated[float, BeforeValidator(_decibels), Field(ge=_LOWEST, le=_HIGHEST, allow_inf_nan=False)]
 Hertz = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -109,10 +118,11 @@ class Correction(BaseModel):
         if unit and "unit" in self.model_fields_set and (UNITS[unit], unit == DB_OHM) != (UNITS[self.unit], self.unit == DB_OHM):
             raise BadInput(f"{show_name(path)}: its values are in {unit}, but {self.name} says unit = {self.unit!r}; correct one of them")
         content = self.model_dump(exclude={"frequency_hz", "db"}) | {"frequency_hz": frequency_hz.tolist(), "db": db.tolist()}
+        content |= {"unit": unit} if unit else {}
         try:
-            return Correction.model_validate(content | ({"unit": unit} if unit else {}))
+            return Correction.model_validate(content)
         except ValidationError as error:
-            raise BadInput(f"{show_name(path)}: {problems(error)}") from error
+            raise BadInput(f"{show_name(path)}: {problems(error, content)}") from error
 
     @property
     def is_negative(self) -> bool:
@@ -188,6 +198,15 @@ class Correction(BaseModel):
         return self.model_dump(mode="json", exclude_none=True, exclude_defaults=True) | {"role": self.role, "kind": self.kind}
 
 
+def _correction(entry: JsonDict, where: str) -> Correction:
+    try:
+        return Correction.model_validate(entry)
+    except ValidationError as error:
+        told = problems(error, entry)
+        name = f"{entry.get('name')}: " if isinstance(entry.get("name"), str) else ""
+        raise BadInput(f"{where}: {told if told.startswith(name) else name + told}") from error
+
+
 @dataclass(frozen=True)
 class Corrections:
     """All corrections of a session or a bench.
@@ -213,9 +232,9 @@ class Corrections:
             If an entry is not a correction.
         """
         try:
-            return cls(tuple(Correction.model_validate(dict(entry)) for entry in content))
-        except ValidationError as error:
-            raise BadInput(f"{where}: {problems(error)}") from error
+            return cls(tuple(_correction(dict(entry), where) for entry in content))
+        except BadInput:
+            raise
         except (TypeError, ValueError) as error:
             raise BadInput(f"{where}: its corrections cannot be read ({error})") from error
 
@@ -319,6 +338,8 @@ def read_corrections(path: str | Path, confirm: Callable[[str], bool] | None = N
     """
     shown = show_name(path)
     listed = read_toml(path).get("correction")
+    if isinstance(listed, dict):
+        raise BadInput(f"{shown}: correction: write [[correction]], with two brackets")
     if not isinstance(listed, list) or not listed:
         raise BadInput(f"{shown}: holds no [[correction]]; each has name, kind and db or file")
     return with_tables(Corrections.of(listed, shown), Path(path).parent, confirm)
@@ -341,13 +362,3 @@ def with_tables(corrections: Corrections, folder: Path, confirm: Callable[[str],
     made = Corrections(tuple(found))
     _ = made.level_unit
     return made
-
-
-def problems(error: ValidationError) -> str:
-    """The problems that pydantic found, in one line."""
-    found = []
-    for problem in error.errors():
-        place = ".".join(str(part) for part in problem["loc"] if isinstance(part, str) and not part.startswith(("function", "tuple", "float")))
-        message = "unknown key" if problem["type"] == "extra_forbidden" else str(problem["msg"]).removeprefix("Value error, ")
-        found.append(f"{place}: {message}" if place else message)
-    return "; ".join(dict.fromkeys(found))

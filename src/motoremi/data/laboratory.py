@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from motoremi.data.corrections import problems
 from motoremi.data.logo import MAXIMUM_BYTES, PNG_START, checked_png, png_logo, svg_logo
+from motoremi.data.model_errors import problems
 from motoremi.data.text_file import read_bytes, show_name
 from motoremi.data.toml_file import read_toml
 from motoremi.errors import BadInput
@@ -99,7 +99,7 @@ def laboratory_of(content: Mapping[str, Any], where: str) -> Laboratory:
     try:
         return Laboratory.model_validate(dict(content))
     except ValidationError as error:
-        raise BadInput(f"{where}: {problems(error)}") from error
+        raise BadInput(f"{where}: {problems(error, content)}") from error
 
 
 def read_laboratory(path: Path) -> Laboratory:
