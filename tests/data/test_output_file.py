@@ -51,6 +51,14 @@ def test_nothing_is_written_if_one_of_several_names_is_refused(session, tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
+def test_no_command_makes_the_folder_of_a_file(session, tmp_path):
+    for command in (("export", session, "--csv"), ("plot", session, "sweeps", "--out")):
+        done = motoremi(*command, tmp_path / "mistyped" / "x.svg")
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert f"there is no folder {tmp_path / 'mistyped'}; make it first, or name another" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("name", ["open.s2p", "open.foo", "open"])
 def test_one_port_has_the_ending_of_one_port(session, tmp_path, name):
     done = motoremi("export", session, "--touchstone", tmp_path / name)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from motoremi.cli.options import AsJson, SessionPath, command
+from motoremi.cli.options import AsJson, SessionPath, command, refuse_output
 from motoremi.errors import BadInput
 
 TOUCHSTONE = (".s1p", ".z1p")
@@ -35,7 +35,7 @@ def export_(
 ) -> None:
     """Write the model or the data for other programs; several formats may be given at once."""
     from motoremi.cli.output import emit_json, say
-    from motoremi.data.output_file import check_output, write_output
+    from motoremi.data.output_file import write_output
     from motoremi.data.session import load
     from motoremi.workflow import ladder_of
     from motoremi.workflow_export import Exported, Exporter
@@ -44,7 +44,7 @@ def export_(
     if not files:
         raise BadInput("nothing to export: give --spice, --spice-emission, --touchstone, --csv, --hdf5 or --parquet with a FILE")
     for number, wanted in enumerate(files):
-        check_output(wanted)
+        refuse_output(wanted)
         if wanted.resolve() in [other.resolve() for other in files[:number]]:
             raise BadInput(f"{wanted}: two formats would be written to it, and only the last would remain; give each its own file")
     if touchstone is not None and touchstone.suffix.lower() not in TOUCHSTONE:

@@ -31,6 +31,21 @@ def command(app: typer.Typer, name: str, function: Callable[..., None], example:
     app.command(name, epilog=f"Example: {example}")(function)
 
 
+def refuse_output(path: Path) -> None:
+    """Refuse a file to write whose folder does not exist, which is often a mistyped name, or that belongs to the data of a session.
+
+    Raises
+    ------
+    BadInput
+        In these cases.
+    """
+    from motoremi.data.output_file import check_output
+
+    if not path.parent.is_dir():
+        raise BadInput(f"{path}: there is no folder {path.parent}; make it first, or name another")
+    check_output(path)
+
+
 def plot_file(path: Path) -> Path:
     """A file that a plot can be written to.
 
@@ -39,13 +54,9 @@ def plot_file(path: Path) -> Path:
     BadInput
         For any other ending, a folder that does not exist, or a file of a session's data.
     """
-    from motoremi.data.output_file import check_output
-
     if path.suffix.lower() not in (".svg", ".png", ".pdf"):
         raise BadInput(f"{path}: plots are written as .svg, .png or .pdf")
-    if not path.parent.is_dir():
-        raise BadInput(f"{path}: there is no folder {path.parent}")
-    check_output(path)
+    refuse_output(path)
     return path
 
 
