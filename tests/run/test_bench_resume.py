@@ -186,3 +186,20 @@ def test_the_command_line_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         with pytest.raises(SystemExit) as caught:
             main()
         assert caught.value.code == 2
+
+
+def test_a_run_without_its_instrument_says_how_to_continue(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench_file = tmp_path / "bench.toml"
+    bench_file.write_text('backend = "@py"\n[resources]\nanalyser = "TCPIP::127.0.0.1::1::SOCKET"\n', encoding="utf-8")
+    arguments = ["impedance_only", "--bench", str(bench_file), "--out", str(tmp_path / "s")]
+    again = ["--resume", str(tmp_path / "s"), "--bench", str(bench_file)]
+    for given, status in ((arguments, 3), (arguments, 2), (again, 3)):
+        monkeypatch.setattr("sys.argv", ["motoremi", "run", *given])
+        with pytest.raises(SystemExit) as caught:
+            main()
+        assert caught.value.code == status
+        told = capsys.readouterr().err
+        assert f"continue with motoremi run {' '.join(again)}" in told.replace("continue it with", "continue with")
+        assert ("holds a run that is not finished" in told) == (status == 2)

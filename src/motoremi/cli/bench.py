@@ -56,14 +56,17 @@ def run_(
         if dry_run or out is not None:
             raise BadInput("--resume continues in the session itself: leave out --out and --dry-run")
         steps, done = resumable(load(resume), bench_file)
-        _run(steps, bench_file, resume, lambda: reopen(resume), as_json, done)
+        with continuable(resume, bench):
+            _run(steps, bench_file, resume, lambda: reopen(resume), as_json, done)
         return
     steps = on_bench(load_procedure(str(procedure)), bench_file)
     if dry_run:
         _rehearse(steps, bench_file, as_json)
         return
     folder = out if out is not None else fresh_folder("run")
-    _run(steps, bench_file, folder, lambda: SessionWriter.create(folder, start_document(steps, bench_file)), as_json, None)
+    refuse_begun(folder, bench)
+    with continuable(folder, bench):
+        _run(steps, bench_file, folder, lambda: SessionWriter.create(folder, start_document(steps, bench_file)), as_json, None)
 
 
 def _run(procedure: Procedure, bench_file: BenchFile, folder: Path, begin: Callable[[], SessionWriter], as_json: bool, done: Done | None) -> None:
@@ -376,6 +379,49 @@ def keeping(folder: Path) -> Iterator[None]:
         if not (folder / SESSION).is_file():
             raise
         raise Stopped(f"stopped; what was measured is kept in {folder}") from stop
+
+
+@contextmanager
+def continuable(folder: Path, bench: str | None) -> Iterator[None]:
+    """If an instrument stops a run, say how to continue it, once there is a session."""
+    from motoremi.data.paths import SESSION
+    from motoremi.errors import InstrumentError
+    from motoremi.run.answer import NotDone
+
+    try:
+        yield
+    except NotDone:
+        # It says so itself.
+        raise
+    except InstrumentError as error:
+        if not (folder / SESSION).is_file():
+            raise
+        raise InstrumentError(f"{error}; then continue with {_continuing(folder, bench)}") from error
+
+
+def refuse_begun(folder: Path, bench: str | None) -> None:
+    """Refuse a folder with a run that did not come to its end.
+
+    Raises
+    ------
+    BadInput
+        With the command that continues it.
+    """
+    from motoremi.data.session import load
+
+    try:
+        session = load(folder)
+    except BadInput:
+        # There is none, or a damaged one: making a new session there says what is in the way.
+        return
+    if "procedure" in session.start and session.status != "done":
+        raise BadInput(f"{folder}: holds a run that is not finished; continue it with {_continuing(folder, bench)}, or name a new folder")
+
+
+def _continuing(folder: Path, bench: str | None) -> str:
+    from motoremi.cli.output import quoted
+
+    return f"motoremi run --resume {quoted(folder)}" + ("" if bench is None else f" --bench {quoted(Path(bench))}")
 
 
 def fresh_folder(prefix: str) -> Path:
