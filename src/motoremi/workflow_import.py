@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import shutil
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,8 +19,9 @@ from motoremi.data.import_notes import import_notes
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import label_remarks
 from motoremi.data.repeats import UNLIKE
-from motoremi.data.session import Session, SessionWriter, load, refuse_unfinished, reopen
+from motoremi.data.session import Session, SessionWriter, StorageError, load, refuse_unfinished, reopen
 from motoremi.data.spectrum import Spectrum
+from motoremi.data.storage import KEPT_BEFORE
 from motoremi.data.sweep import ImpedanceSweep, checked_accuracy, group_repeats
 from motoremi.emission.limit import find_limit
 from motoremi.emission.observe import observations
@@ -62,6 +65,33 @@ class ImportOptions:
     compensated: bool = False
 
 
+@contextmanager
+def _whole_or_not_at_all(folder: Path, start: JsonDict) -> Iterator[SessionWriter]:
+    """A new session that is removed again if it cannot be stored completely: the user's files still exist, so the import can be repeated."""
+    is_new = not folder.exists()
+    try:
+        writer = SessionWriter.create(folder, start)
+        try:
+            with writer:
+                yield writer
+        except BaseException:
+            # Only here, where this process has made the session.
+            _remove(folder, is_new)
+            raise
+    except StorageError as error:
+        # A note that the session could not be closed either would be of one that is no longer there.
+        raise StorageError(f"{str(error).removesuffix(KEPT_BEFORE)}; nothing is left of this import, repeat it when that is mended") from error
+
+
+def _remove(folder: Path, is_new: bool) -> None:
+    """Remove the content of a folder, and the folder itself unless the user had made it."""
+    for one in [folder] if is_new else list(folder.iterdir()):
+        if one.is_dir():
+            shutil.rmtree(one, ignore_errors=True)
+        else:
+            one.unlink(missing_ok=True)
+
+
 @dataclass(frozen=True, eq=False)
 class Import:
     """Sweeps and spectra that are ready to become a session.
@@ -96,8 +126,14 @@ class Import:
     finals: tuple[Spectrum, ...] = ()
 
     def store(self, folder: Path) -> JsonDict | None:
-        """Make the session; returns the verdict if the spectra are judged against a limit."""
-        with SessionWriter.create(folder, self.start) as writer:
+        """Make the session; returns the verdict if the spectra are judged against a limit.
+
+        Raises
+        ------
+        StorageError
+            If it cannot be stored completely; nothing of it is left then.
+        """
+        with _whole_or_not_at_all(folder, self.start) as writer:
             for sweep in self.sweeps:
                 writer.add_sweep(sweep)
             for value in self.values:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -284,3 +286,30 @@ def test_units_that_the_file_does_not_name(tmp_path: Path) -> None:
     (sweep,) = load(tmp_path / "s").sweeps
     np.testing.assert_allclose(sweep.impedance_ohm, 1e-3 * IMPEDANCE, rtol=1e-15)
     np.testing.assert_allclose(sweep.frequency_hz, 1e3 * FREQUENCY, rtol=1e-15)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no file size limit there")
+@pytest.mark.parametrize("is_there", [False, True])
+@pytest.mark.parametrize("limit", [20, 3000])
+def test_an_import_that_cannot_be_stored_leaves_nothing_and_can_be_repeated(tmp_path: Path, is_there: bool, limit: int) -> None:
+    frequency = np.geomspace(1e5, 3e7, 20)
+    few = table(tmp_path / "few.csv", frequency, 1 + 2j * frequency / 1e5)
+    frequency = np.geomspace(1e5, 3e7, 400)
+    many = table(tmp_path / "many.csv", frequency, 1 + 2j * frequency / 1e5)
+    session = tmp_path / "s"
+    if is_there:
+        session.mkdir()
+    code = (
+        f"import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}));"
+        "sys.argv = ['motoremi', 'import', *sys.argv[1:]]; from motoremi.cli import main; main()"
+    )
+    arguments = [str(session), "--short", str(few), "--open", str(many)]
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith("motoremi: cannot write")
+    assert "nothing is left of this import, repeat it when that is mended" in done.stderr
+    assert "is kept" not in done.stderr
+    assert session.exists() == is_there
+    assert not is_there or list(session.iterdir()) == []
+    assert CliRunner().invoke(app, ["import", *arguments]).exit_code == 0
+    assert len(load(session).sweeps) == 2

@@ -7,6 +7,7 @@ import os
 import re
 import threading
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -82,7 +83,8 @@ class SessionWriter:
         """
         folder = Path(path)
         with as_storage_error(folder):
-            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            is_new = not folder.exists()
+            if not is_new and (not folder.is_dir() or any(folder.iterdir())):
                 raise BadInput(f"{show_name(folder)}: exists and is not an empty folder; name a new one for the session")
             folder.mkdir(parents=True, exist_ok=True)
         log = AppendFile(folder / SESSION, new=True)
@@ -92,6 +94,11 @@ class SessionWriter:
             writer._append("start", {"schema": SCHEMA, "software": software(), **start})
         except BaseException:
             log.close()
+            # Without its first document it is no session, and would stand in the way of the next attempt.
+            with suppress(OSError):
+                (folder / SESSION).unlink()
+                if is_new:
+                    folder.rmdir()
             raise
         return writer
 

@@ -14,6 +14,8 @@ from motoremi.errors import MotoremiError
 
 # Ending of the names of unfinished files, by which they are recognised after a crash.
 PENDING_SUFFIX = ".pending"
+# Ending of the message of a failed write.
+KEPT_BEFORE = "; what was stored before is kept"
 
 
 class StorageError(MotoremiError):
@@ -29,7 +31,7 @@ def as_storage_error(target: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise StorageError(f"cannot write {target}: {reason}; what was stored before is kept") from error
+        raise StorageError(f"cannot write {target}: {reason}{KEPT_BEFORE}") from error
 
 
 @contextmanager
