@@ -191,14 +191,15 @@ def choose_finals(
 
 
 def judged(store: Store, limit: str, uncertainty: float = EXPANDED_UNCERTAINTY_DB) -> JsonDict:
-    """The verdict on the measured levels; a prediction is stored as well if a model of the motor has been fitted."""
+    """The verdict on the measured levels, with all reasons; a prediction is stored as well if a model of the motor has been fitted."""
     session = load(store.path)
     with_model = bool(session.ladder) and all(_has_band(spectrum) for spectrum in session.spectra)
     result = predict_session(store, limit=limit, expanded_uncertainty_db=uncertainty, with_model=with_model)
     decided = [one for one in result.judged if one.verdict is not None and one.worst_margin_db is not None]
     worst = min(decided, key=lambda one: one.worst_margin_db or 0.0, default=None)
     least = f"{worst.what}: {worst.why}" if worst is not None else "no level can be compared with it"
-    return {"verdict": result.verdict, "says": f"{result.verdict}, {result.limit.title}: {next(iter(result.reasons), least)}"}
+    says = f"{result.verdict}, {result.limit.title}: {'; '.join(result.reasons) or least}"
+    return {"verdict": result.verdict, "says": says, "reasons": list(result.reasons)}
 
 
 def _has_band(spectrum: Spectrum) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.table import Table
 from motoremi.errors import BadInput
 from motoremi.report.emission_section import final_tables
+from motoremi.workflow import opened, report_session
 
 ROWS = "150000,40.00\n154500,41.50\n159000,39.25\n"
 TWO = "0,150000;40,00;30,00\n0,154500;41,50;31,50\n0,159000;39,25;29,25\n"
@@ -590,3 +592,16 @@ def test_a_bandwidth_at_3_db_is_told_at_6_db(tmp_path: Path) -> None:
 def test_a_keysight_trace_that_is_refused(tmp_path: Path, old: str, new: str, says: str) -> None:
     assert KEYSIGHT.count(old) >= 1
     assert says in refusal(write(tmp_path, KEYSIGHT.replace(old, new, 1)))
+
+
+def test_an_import_tells_every_gap_of_a_limit_also_to_machines(tmp_path: Path) -> None:
+    path = write(tmp_path, "Frequency (Hz),QP (dBuV),AV (dBuV)\n150e3,50,30\n154.5e3,40,20\n")
+    gaps = [f"{detector}: not measured at 159 kHz - 30 MHz; the verdict is on the rest" for detector in ("quasi-peak", "average")]
+    told = json.loads(imported(tmp_path / "j", "--spectrum", path, "--limit", "cispr32-b", "--json"))
+    assert (told["verdict"], told["caveats"]) == ("pass", gaps)
+    assert "; ".join(gaps) in imported(tmp_path / "t", "--spectrum", path, "--limit", "cispr32-b")
+    with opened(tmp_path / "t" / "s") as store:
+        files = {file.name: file for file in report_session(store)}
+    skipped = [case.get("name") for case in ElementTree.parse(files["junit.xml"]).findall("testsuite[@name='emission']/testcase[skipped]")]
+    assert skipped == ["quasi-peak limit, 159 kHz - 30 MHz", "average limit, 159 kHz - 30 MHz"]
+    assert [gap["detector"] for gap in json.loads(files["report.json"].read_bytes())["prediction"]["not_measured"]] == ["quasi-peak", "average"]

@@ -83,6 +83,17 @@ def test_a_part_of_the_span_is_judged_and_the_rest_is_told():
     assert "quasi-peak: not measured at 150 kHz - 996 kHz, 2.004 MHz - 30 MHz; the verdict is on the rest" in found.reasons
 
 
+def test_every_gap_of_every_detector_is_told_as_numbers():
+    part = AXIS[(AXIS >= 1e6) & (AXIS <= 2e6)]
+    found = predict(None, spectra=[flat("quasi-peak", 40, part, line="N"), flat("average", 30, line="N")], limit=CISPR32).to_dict()
+    assert [(gap["detector"], gap["conductor"], np.round(np.array(gap["band_hz"]), -3).tolist()) for gap in found["not_measured"]] == [
+        ("quasi-peak", "N", [150e3, 996e3]),
+        ("quasi-peak", "N", [2.004e6, 30e6]),
+    ]
+    assert [gap.detector for gap in verdict([flat("average", 30)]).gaps] == ["quasi-peak"]
+    assert verdict([flat("quasi-peak", 40), flat("average", 30)]).gaps == ()
+
+
 def test_two_scans_of_one_detector_are_one():
     low, high = AXIS[AXIS < 1e6], AXIS[AXIS >= 1e6]
     spectra = [flat("quasi-peak", 40, low), flat("quasi-peak", 40, high), flat("average", 30)]

@@ -162,7 +162,7 @@ def import_(
                 "corrections": start["corrections"],
                 "analyser": start["analyser"],
                 "analyser_assumed": start["analyser_assumed"],
-                "caveats": list(made.caveats),
+                "caveats": [*made.caveats, *(verdict["reasons"] if verdict is not None else ())],
                 "observations": list(made.observations),
             }
         )

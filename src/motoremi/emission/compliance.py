@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
 
-from motoremi.arrays import BoolArray
+from motoremi.arrays import BoolArray, JsonDict
 from motoremi.data.kernels import steps_beside
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import misread
@@ -47,11 +47,49 @@ CHANGES = 20
 
 
 @dataclass(frozen=True)
+class Gap:
+    """A part of the span of a limit line in which nothing was measured that decides on it.
+
+    Parameters
+    ----------
+    detector : str
+        Detector of the limit line.
+    low_hz, high_hz : float
+    conductor, operating : str
+        Line of the LISN and operating state of the motor; empty if not stated.
+    """
+
+    detector: str
+    low_hz: float
+    high_hz: float
+    conductor: str = ""
+    operating: str = ""
+
+    def to_dict(self) -> JsonDict:
+        """Plain data."""
+        band = [self.low_hz, self.high_hz]
+        return {"detector": self.detector, "band_hz": band, "conductor": self.conductor, "operating": self.operating}
+
+
+@dataclass(frozen=True)
 class Compliance:
-    """A verdict; why it is no pass, and of what span it is, the most serious first."""
+    """A verdict; why it is no pass, and of what span it is, the most serious first.
+
+    `gaps` are the spans that the reasons call not measured, all of them and as numbers.
+    """
 
     verdict: Verdict
     reasons: tuple[str, ...]
+    gaps: tuple[Gap, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True)
+class _OnLine:
+    """What the levels of one place show of one limit line; a verdict of None is open."""
+
+    verdict: Verdict | None
+    reason: str
+    missing: tuple[Span, ...]
 
 
 def compliance(
@@ -79,6 +117,7 @@ def compliance(
         Scans with the motor off, corrected; they only show whether the receiver measured anew for each scan.
     """
     found: list[tuple[Verdict | None, str]] = []
+    gaps: list[Gap] = []
     scanned = list(dict.fromkeys(place_of(spectrum) for spectrum in spectra))
     with_finals = [_home(place_of(final), scanned) for final in finals if place_of(final) != NOT_STATED]
     for place in dict.fromkeys([*scanned, *with_finals]):
@@ -90,13 +129,14 @@ def compliance(
         if "peak" in lines and "quasi-peak" in lines:
             # A peak limit beside a quasi-peak limit is an alternative to it (CISPR 25): either is enough, and quasi-peak decides if peak does not.
             peak = lines.pop("peak")
-            lines["quasi-peak"] = peak if peak[0] == "pass" else lines["quasi-peak"]
+            lines["quasi-peak"] = peak if peak.verdict == "pass" else lines["quasi-peak"]
         where = where_in_words(*place)
-        found += [(verdict, f"{where}: {reason}" if where and reason else reason) for verdict, reason in lines.values()]
+        found += [(one.verdict, f"{where}: {one.reason}" if where and one.reason else one.reason) for one in lines.values()]
+        gaps += [Gap(detector, *span, *place) for detector, one in lines.items() for span in _joined(one.missing)]
     found += [("marginal", text) for text in (*_unchanged([*background, *spectra]), *_left_out(spectra))]
     worst = min((verdict for verdict, _ in found), key=WORST_FIRST.index, default=None)
     ranked = sorted((one for one in found if one[1]), key=lambda one: WORST_FIRST.index(one[0]))
-    return Compliance(worst or "marginal", tuple(dict.fromkeys(reason for _, reason in ranked)))
+    return Compliance(worst or "marginal", tuple(dict.fromkeys(reason for _, reason in ranked)), tuple(gaps))
 
 
 def _home(place: Place, scanned: Sequence[Place]) -> Place:
@@ -113,19 +153,19 @@ def of_prediction(judged: Sequence[Judged], limit: Limit) -> Compliance:
 
 def _on_line(
     spectra: Sequence[Spectrum], finals: Sequence[Spectrum], judged: Sequence[Judged], line: LimitLine, limit: Limit, guard_db: float
-) -> tuple[Verdict | None, str]:
-    """Verdict of the levels of one place against one limit line, with the reason; None if they leave it open."""
+) -> _OnLine:
+    """Verdict of the levels of one place against one limit line, with the reason."""
     own = [one for one in judged if one.line == line.detector and line_for(limit, one.detector) is line and (one.points or one.left_out)]
     worst = min(own, key=lambda one: (WORST_FIRST.index(one.verdict), one.worst_margin_db or 0.0), default=None)
-    if worst is not None and worst.verdict == "fail":
-        return "fail", f"{worst.detector}: {worst.why}"
     exact = [spectrum for spectrum in spectra if line_for(limit, spectrum.detector) is line]
     higher = [spectrum for spectrum in spectra if ORDER.index(spectrum.detector) < ORDER.index(line.detector) and spectrum not in exact]
     limited = [(low, high) for low, high, _, _ in line.segments]
     missing = _without(limited, [span for one in (*exact, *higher) for span in _around(one, np.ones(len(one), dtype=np.bool_))])
     measured = _without(limited, missing)
+    if worst is not None and worst.verdict == "fail":
+        return _OnLine("fail", f"{worst.detector}: {worst.why}", tuple(missing))
     if not measured:
-        return None, f"{line.detector}: not measured"
+        return _OnLine(None, f"{line.detector}: not measured", tuple(missing))
     final = [spectrum for spectrum in finals if line_for(limit, spectrum.detector) is line]
     left = _not_valid([*exact, *higher], line, measured) or _overloaded(exact, line, measured, guard_db)
     if not left and final:
@@ -137,7 +177,7 @@ def _on_line(
     said = [f"{worst.detector}: {worst.why}"] if worst is not None and worst.verdict != "pass" else []
     said += [left] if left and (worst is None or worst.verdict is not None) else []
     said += [f"{line.detector}: not measured at {_listed(missing)}; the verdict is on the rest"] if missing else []
-    return verdict, "; ".join(said)
+    return _OnLine(verdict, "; ".join(said), tuple(missing))
 
 
 def _not_valid(speaking: Sequence[Spectrum], line: LimitLine, measured: Sequence[Span]) -> str:

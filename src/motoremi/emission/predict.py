@@ -17,7 +17,7 @@ from motoremi.data.kernels import nearest_points, steps_beside
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.drawing import figure_of
 from motoremi.emission.background import ambient_of, split
-from motoremi.emission.compliance import compliance, of_prediction
+from motoremi.emission.compliance import Gap, compliance, of_prediction
 from motoremi.emission.finals import Final, final_values, judge_with_finals
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB, Judged, Verdict, judge_prediction, judge_spectra
 from motoremi.emission.limit import Limit, find_limit
@@ -66,6 +66,8 @@ class Prediction:
         Guard band of the verdicts, with the uncertainty of the corrections.
     corrections : Corrections
     finals : tuple of Final
+    gaps : tuple of Gap
+        Parts of the limit's span in which nothing was measured, for each limit line; empty without measured spectra.
     """
 
     frequency_hz: FloatArray
@@ -82,6 +84,7 @@ class Prediction:
     expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB
     corrections: Corrections = NO_CORRECTIONS
     finals: tuple[Final, ...] = ()
+    gaps: tuple[Gap, ...] = ()
 
     def measured_dbuv(self) -> dict[str, FloatArray]:
         """Measured, corrected levels at the frequencies of the prediction, the highest of all spectra of a detector.
@@ -145,6 +148,7 @@ class Prediction:
             "limit_dbuv": _lists(self.limit_dbuv()),
             "verdict": self.verdict,
             "reasons": list(self.reasons),
+            "not_measured": [gap.to_dict() for gap in self.gaps],
             "judged_what": self.judged_what,
             "judged": [one.to_dict() for one in self.judged],
             "limit": self.limit.to_dict(),
@@ -290,6 +294,7 @@ def predict(
         guard_db,
         corrections,
         values,
+        shown.gaps,
     )
 
 

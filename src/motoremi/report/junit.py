@@ -51,7 +51,10 @@ def _sweep_suite(root: Element, sweep: str, bands: Sequence[JsonDict]) -> None:
 
 
 def _emission_suite(root: Element, prediction: JsonDict) -> None:
-    """A case for each detector and limit line; as for `motoremi predict`, a marginal level does not fail, but its case says so."""
+    """A case for each detector and limit line, and a skipped one for each part of a limit line that was not measured.
+
+    As for `motoremi predict`, a marginal level does not fail, but its case says so.
+    """
     suite = SubElement(root, "testsuite", name="emission")
     _properties(suite, {"limit": prediction["limit"]["title"], "judged": prediction["judged_what"], "verdict": prediction["verdict"]})
     for one in prediction["judged"]:
@@ -63,6 +66,13 @@ def _emission_suite(root: Element, prediction: JsonDict) -> None:
             SubElement(case, "failure", message=why)
         else:
             SubElement(case, "system-out").text = f"{_legal(str(one['verdict'])).upper()}: {why}"
+    # Predictions of earlier versions list no gaps, and some no reasons.
+    for gap in prediction.get("not_measured", ()):
+        name = f"{levels_of(gap)} limit, {show_band(*gap['band_hz'])}"
+        case = SubElement(suite, "testcase", classname="motoremi.emission", name=_legal(name))
+        SubElement(case, "skipped", message="not measured")
+    if reasons := prediction.get("reasons"):
+        SubElement(suite, "system-out").text = "\n".join(_legal(str(reason)) for reason in reasons)
 
 
 def _session_suite(root: Element, report: Report) -> None:
