@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 from random import Random
@@ -469,3 +472,29 @@ def test_output_that_cannot_hold_every_character(files, tmp_path, form):
     done = motoremi_process("import", tmp_path / "s", "--short", named, *form, PYTHONIOENCODING="ascii", PYTHONUTF8="0")
     assert done.returncode == 0, done.stderr
     assert document(done)["sweeps"][0]["source"] == named.name if form else "short M?.csv" in done.stdout
+
+
+def on_a_terminal(*arguments: object) -> str:
+    """What a command shows on standard error if that is a terminal."""
+    ours, theirs = os.openpty()
+    words = [sys.executable, "-m", "motoremi", *map(str, arguments)]
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=theirs, env={**os.environ, "TERM": "xterm", "COLUMNS": "120"})
+    os.close(theirs)
+    shown = b""
+    # Linux ends the reading of a terminal that nobody writes to any longer by an error.
+    with contextlib.suppress(OSError):
+        while part := os.read(ours, 4096):
+            shown += part
+    os.close(ours)
+    assert process.wait() == 0
+    return shown.decode()
+
+
+def test_import_and_fit_show_their_progress_on_a_terminal_only(files, tmp_path):
+    given = ("--short", files / "short1.csv", "--open", files / "open1.csv")
+    shown = on_a_terminal("import", tmp_path / "s", *given)
+    for text in ("reading: short1.csv", "reading: open1.csv", "importing: checking the data", "importing: storing the session"):
+        assert text in shown
+    assert "fitting: ants, round 1" in on_a_terminal("fit", tmp_path / "s")
+    assert on_a_terminal("import", tmp_path / "json", *given, "--json") == ""
+    assert motoremi_process("import", tmp_path / "piped", *given).stderr == ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
@@ -14,7 +14,7 @@ from motoremi.errors import BadInput
 from motoremi.report.kinds import PLOTS, SECTIONS
 
 if TYPE_CHECKING:
-    from motoremi.arrays import JsonDict
+    from motoremi.arrays import JsonDict, Progress
     from motoremi.data.spectrum import Spectrum
     from motoremi.data.sweep import ImpedanceSweep
     from motoremi.diagnosis.diagnosis import Diagnosis
@@ -99,6 +99,7 @@ def import_(
     as_json: AsJson = False,
 ) -> None:
     """Make a session from files, or add files to a session."""
+    from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, quoted, say
     from motoremi.data.conditions import parse_condition, parse_value, refuse_other_termination
     from motoremi.data.corrections import NO_CORRECTIONS
@@ -124,7 +125,8 @@ def import_(
         under = None if condition is None else parse_condition(condition)
         if condition is not None:
             refuse_other_termination(condition, bool(short), bool(open_))
-        further = _sweeps(short or [], open_ or [], fixture, span, units)
+        with progress_bars(as_json) as bars:
+            further = _sweeps(short or [], open_ or [], fixture, span, units, bars.bar("reading"))
         _check_units(units, further)
         stated = ImportOptions(
             analyser if _is_typed(context, "analyser") else None,
@@ -141,15 +143,21 @@ def import_(
     files = [*(short or []), *(open_ or []), *(spectrum or [])]
     if not files:
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
-    read = _sweeps(short or [], open_ or [], fixture, span, units)
-    emission = [read_emission(path, units) for path in spectrum or []]
+    with progress_bars(as_json) as bars:
+        show = bars.bar("reading")
+        read = _sweeps(short or [], open_ or [], fixture, span, units, show)
+        emission = [read_emission(path, units) for path in _shown(spectrum or [], show)]
     spectra, finals = ([item for one in emission for item in one[kind]] for kind in (0, 1))
     _check_units(units, [*read, *spectra])
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
     stated = ImportOptions(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient, compensated)
-    made = prepared(read, spectra, stated, [path.name for path in files], values, finals)
+    with progress_bars(as_json) as bars:
+        stages = bars.bar("importing") or _silent
+        stages("checking the data", 0, 2)
+        made = prepared(read, spectra, stated, [path.name for path in files], values, finals)
+        stages("storing the session", 1, 2)
+        verdict = made.store(out)
     sweeps, start = made.sweeps, made.start
-    verdict = made.store(out)
     if as_json:
         emit_json(
             {
@@ -259,7 +267,12 @@ def _check_units(units: dict[str, str], read: Sequence[ImpedanceSweep | Spectrum
 
 
 def _sweeps(
-    short: list[Path], open_: list[Path], fixture: str | None, band: tuple[float, float] | None, units: dict[str, str]
+    short: list[Path],
+    open_: list[Path],
+    fixture: str | None,
+    band: tuple[float, float] | None,
+    units: dict[str, str],
+    progress: Progress | None,
 ) -> list[ImpedanceSweep]:
     """The sweeps of all files, within a band in hertz if one is named.
 
@@ -270,11 +283,24 @@ def _sweeps(
     """
     from motoremi.data.files import read_impedances
 
-    files = [(path, "short") for path in short] + [(path, "open") for path in open_]
+    terminations = ["short"] * len(short) + ["open"] * len(open_)
+    files = zip(_shown([*short, *open_], progress), terminations, strict=True)
     sweeps = [sweep for path, termination in files for sweep in read_impedances(path, termination, fixture, band, units)]
     if fixture is not None and not any(sweep.metadata["read_as"].startswith(("S21 of", "S11 of")) for sweep in sweeps):
         raise BadInput("--fixture is for Touchstone files of two ports (.s2p), and none of the files is one")
     return sweeps
+
+
+def _shown(files: Sequence[Path], progress: Progress | None) -> Iterator[Path]:
+    """The files one after the other, each shown as a step of the progress while it is read."""
+    for index, path in enumerate(files):
+        if progress is not None:
+            progress(path.name, index, len(files))
+        yield path
+
+
+def _silent(name: str, done: int, total: int) -> None:
+    """No progress is shown."""
 
 
 def _read(metadata: Mapping[str, Any]) -> JsonDict:
@@ -341,6 +367,7 @@ def fit_(
     as_json: AsJson = False,
 ) -> None:
     """Fit the last model of the session's ladder; at first the paper's circuit."""
+    from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, quoted, say
     from motoremi.data.session import load
     from motoremi.investigation.next_measurement import next_measurement
@@ -348,11 +375,11 @@ def fit_(
     from motoremi.workflow import fit_session, model_of, opened, refitted
 
     bounds = _by_name("--bound", (_bound(text) for text in bound or []))
-    with opened(path) as store:
+    with opened(path) as store, progress_bars(as_json) as bars:
         before = load(store.path)
         model = model_of(before)
         held = _by_name("--hold", (_held(text, model) for text in hold or []))
-        result = fit_session(store, method, seed, bounds, held)
+        result = fit_session(store, method, seed, bounds, held, bars.bar("fitting"))
         changed = refitted(before, load(store.path))
     if as_json:
         emit_json({**result.to_dict(), **changed.to_dict()})
