@@ -439,6 +439,8 @@ def import_two_effects(folder: Path, measure) -> None:
 def test_two_named_effects_are_shown_and_added_together(tmp_path, measure):
     import_two_effects(tmp_path, measure)
     told = motoremi("diagnose", tmp_path / "s").stdout.splitlines()
+    # Where the model fails is that of the model before the effects are added.
+    assert any(line.startswith("  paper's circuit: fails: ") for line in told)
     together = next(line for line in told if line.startswith("  together: "))
     command = next(line for line in told if line.startswith("next: motoremi add "))
     names = command.removeprefix(f"next: motoremi add {tmp_path / 's'} ").split()

@@ -7,6 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 from conftest import FREQUENCY_HZ, simulated_sweeps
+from paper_circuit import DAMPED
+from paper_circuit import impedance as exact_impedance
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
@@ -201,3 +203,33 @@ def test_points_at_which_nothing_is_known_are_plain_data_without_a_warning():
     curve = ElementCurve("short", np.array([1e6, 2e6]), value, np.array([0.1, np.inf]), np.ones(2, dtype=complex))
     with np.errstate(all="raise"):
         assert curve.to_dict()["sigma"] == [pytest.approx(0.5), None]
+
+
+def compared(sweeps) -> me.Comparison:
+    return me.compare(me.fit(me.dc_motor(), sweeps))
+
+
+def test_points_that_chance_puts_beyond_the_uncertainty_are_no_failure():
+    """Random noise of 0.2 % puts 1.8 % of the points beyond twice its standard deviation, however good the model is."""
+    random = np.random.default_rng(5)
+    sweeps = []
+    for termination in ("short", "open"):
+        for _ in range(3):
+            noise = 0.002 / np.sqrt(2) * (random.standard_normal(FREQUENCY_HZ.size) + 1j * random.standard_normal(FREQUENCY_HZ.size))
+            exact = exact_impedance(DAMPED, termination)
+            sweeps.append(me.ImpedanceSweep(termination, FREQUENCY_HZ, exact * (1 + noise), metadata={"analyser": "none"}))
+    found = compared(sweeps)
+    assert found.within_chance
+    assert 0 < found.share_beyond_uncertainty < 0.03
+    (line,) = found.where_in_words("fails")
+    assert line.startswith(f"largest remaining deviation: {found.where[0]['sweep']} ")
+    assert "fails" not in repr(found)
+    assert "of all points are beyond the uncertainty, and chance gives 1.8 %" in repr(found)
+
+
+def test_a_failing_model_fails_where_it_did():
+    sweeps, _ = simulated_sweeps(900, ("dielectric-relaxation@Cf",))
+    found = compared(sweeps)
+    assert not found.within_chance
+    assert len(found.where_in_words("fails")) == len(found.where) > 0
+    assert f"  {'deviates' if found.passed else 'fails'} most: {found.where[0]['sweep']} " in repr(found)

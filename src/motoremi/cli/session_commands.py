@@ -511,8 +511,8 @@ def diagnose_(
     from motoremi.cli.emission import diagnose_spectra
     from motoremi.cli.output import emit_json, quoted, say
     from motoremi.diagnosis.belief import after_verdict
+    from motoremi.inspection.compare import compare
     from motoremi.model.effects.names import as_sum
-    from motoremi.quantities import show_band
     from motoremi.workflow import diagnose_session, opened
 
     if emission:
@@ -525,9 +525,10 @@ def diagnose_(
         return
     say(repr(result).replace("SESSION", quoted(path)))
     _say_findings(result)
-    for span in result.where:
-        share = f"{100 * span['share']:.0f} % of the squared error beyond the uncertainty"
-        say(f"  fails: {span['sweep']} {show_band(*span['band_hz'])}, {share}")
+    # The spans are those of the model that was diagnosed, not of the one with the effects that were found.
+    model = as_sum(("paper's circuit", *result.base.effects))
+    for text in compare(result.base).where_in_words("deviates most" if result.verdict == "adequate" else "fails"):
+        say(f"  {model}: {text}")
     say("  single effects, best first (p: share of the probability of all sets of effects that were found):")
     for candidate in result.candidates[:6]:
         probability = after_verdict(result.probabilities[candidate.effect], result.verdict, result.confidence)
