@@ -9,8 +9,6 @@ from quantiphy import QuantiPhyError, Quantity
 
 from motoremi.errors import BadInput
 
-_METRES = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*m\s*")
-
 
 def parse(text: str | float | int, unit: str) -> float:
     """Read a quantity and return it in SI units.
@@ -27,36 +25,6 @@ def parse(text: str | float | int, unit: str) -> float:
     BadInput
         If it is not a finite number or carries another unit.
     """
-    return float(_quantity(text, unit))
-
-
-def parse_with_unit(text: str, unit: str, name: str, example: str) -> float:
-    """Read the quantity of a name as `parse` does; its unit must be written, unless the value is 0 or has no dimension.
-
-    Parameters
-    ----------
-    text : str
-        For example `"12.1 uH"`.
-    unit : str
-        The unit it must have; `""` or `"1"` for a pure number.
-    name : str
-        Whose quantity it is, for the message.
-    example : str
-        What to write instead, for the message.
-
-    Raises
-    ------
-    BadInput
-        As `parse`, and if the unit is missing.
-    """
-    quantity = _quantity(text, unit)
-    if float(quantity) and not quantity.units and unit not in ("", "1"):
-        raise BadInput(f"{text.strip()!r} has no unit, and {name} is in {unit}: write for example {example}")
-    return float(quantity)
-
-
-def _quantity(text: str | float | int, unit: str) -> Quantity:
-    """A finite number with the unit, or without any."""
     if isinstance(text, bool):
         raise BadInput(f"expected a quantity in {unit}, got {text}")
     if "," in str(text):
@@ -65,9 +33,6 @@ def _quantity(text: str | float | int, unit: str) -> Quantity:
     if ":" in str(text) or "=" in str(text):
         # QuantiPhy would take what is left of them for a name.
         raise BadInput(f"{str(text)!r} is not one quantity in {unit}: write one number with its unit")
-    if unit == "m" and (length := _METRES.fullmatch(str(text))):
-        # QuantiPhy would take this m for milli.
-        return Quantity(float(length[1]), unit)
     try:
         # QuantiPhy reads "M" as mega and "m" as milli, as SI does; "Ohm" is the field's spelling of Ω.
         quantity = Quantity(str(text).replace("Ω", "Ohm").replace("ohm", "Ohm"))
@@ -81,7 +46,7 @@ def _quantity(text: str | float | int, unit: str) -> Quantity:
     wanted = unit.replace("Ω", "Ohm").replace("ohm", "Ohm")
     if quantity.units and quantity.units != wanted:
         raise BadInput(f"{str(text)!r} has the unit {quantity.units!r}, expected {unit}")
-    return quantity
+    return value
 
 
 def parse_band(text: str) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from motoremi.errors import BadInput
-from motoremi.quantities import parse, parse_band, parse_with_unit
+from motoremi.quantities import parse, parse_band
 
 
 @pytest.mark.parametrize("text", ["2,3 Ohm", "2,3", "1,000 Ohm", "1.000,5 Ohm"])
@@ -29,16 +29,3 @@ def test_what_stands_before_a_colon_is_not_left_out(text: str) -> None:
 def test_a_band_has_two_ends() -> None:
     with pytest.raises(BadInput, match="is not one quantity in Hz"):
         parse_band("150kHz:1MHz:30MHz")
-
-
-def test_a_value_needs_its_unit_unless_it_is_zero_or_has_no_dimension() -> None:
-    assert parse_with_unit("12 uH", "H", "La", "La=1uH") == pytest.approx(12e-6)
-    assert parse_with_unit("0", "H", "La", "La=1uH") == 0
-    assert parse_with_unit("12", "", "layers", "layers=7") == 12
-    with pytest.raises(BadInput, match=r"^'12' has no unit, and La is in H: write for example La=1uH$"):
-        parse_with_unit("12", "H", "La", "La=1uH")
-
-
-def test_metres_are_not_taken_for_milli() -> None:
-    assert parse("0.3m", "m") == parse("0.3 m", "m") == 0.3
-    assert parse("0.3mm", "m") == 0.3e-3

@@ -187,7 +187,7 @@ def test_hold_on_the_command_line_is_held(tmp_path):
     files = [f"--{kind}={tmp_path / f'{kind}{n}.csv'}" for kind in ("short", "open") for n in range(3)]
     run = CliRunner().invoke
     assert run(app, ["import", str(tmp_path / "s"), *files, "--analyser", "4294a"]).exit_code == 0
-    told = run(app, ["fit", str(tmp_path / "s"), "--hold", "Ra=25Ohm", "--hold", "Cr=300pF", "--json"])
+    told = run(app, ["fit", str(tmp_path / "s"), "--hold", "Ra=25", "--hold", "Cr=300pF", "--json"])
     assert told.exit_code == 0
     document = json.loads(told.stdout)
     fit = me.fit(me.dc_motor(), me.load(tmp_path / "s").sweeps, held={"Ra": 25.0, "Cr": 300e-12})
@@ -196,7 +196,7 @@ def test_hold_on_the_command_line_is_held(tmp_path):
     assert fit.parameters["Cr"] == pytest.approx(300e-12, rel=1e-12)
     assert document["held"] == pytest.approx({"Ra": 25.0, "Cr": 300e-12})
     assert fit.sigma["Ra"] == 0
-    for bad in ("Ra=-1Ohm", "Ra=25", "Rx=3Ohm"):
+    for bad in ("Ra=-1", "Rx=3"):
         refused = run(app, ["fit", str(tmp_path / "s"), "--hold", bad])
         assert isinstance(refused.exception, BadInput)
 

@@ -410,22 +410,20 @@ def fit_(
 
 def _bound(text: str) -> tuple[str, tuple[float, float]]:
     from motoremi.model.motor import BASE_PARAMETERS
-    from motoremi.quantities import parse_with_unit
+    from motoremi.quantities import parse
 
     name, equals, pair = (part.strip() for part in text.partition("="))
-    known = {parameter.name: parameter for parameter in BASE_PARAMETERS}
+    units = {parameter.name: parameter.unit for parameter in BASE_PARAMETERS}
     if not equals or pair.count(":") != 1:
         raise BadInput(f"cannot read the bound {text!r}: write for example 'La=1 uH:100 uH'")
-    if name not in known:
-        raise BadInput(f"bounds for the unknown parameter {name!r}; the circuit has {', '.join(known)}")
-    parameter = known[name]
-    example = f"--bound {name}={_short(parameter.low, parameter.unit)}:{_short(parameter.high, parameter.unit)}"
-    low, high = (parse_with_unit(end, parameter.unit, name, example) for end in pair.split(":"))
-    return name, (low, high)
+    if name not in units:
+        raise BadInput(f"bounds for the unknown parameter {name!r}; the circuit has {', '.join(units)}")
+    low, high = pair.split(":")
+    return name, (parse(low, units[name]), parse(high, units[name]))
 
 
 def _held(text: str, model: Motor) -> tuple[str, float]:
-    from motoremi.quantities import parse_with_unit
+    from motoremi.quantities import parse
 
     name, equals, value = (part.strip() for part in text.partition("="))
     known = {parameter.name: parameter for parameter in model.parameters}
@@ -435,16 +433,7 @@ def _held(text: str, model: Motor) -> tuple[str, float]:
         raise BadInput(f"--hold takes one value, not the range {text!r}: limits of a value that is fitted are given with --bound")
     if name not in known:
         raise BadInput(f"cannot hold the unknown parameter {name!r}; the model has {', '.join(known)}")
-    parameter = known[name]
-    # The middle of a range that is as far below 0 as above it is no example of a unit.
-    example = f"--hold {name}={_short(parameter.middle or parameter.high, parameter.unit)}"
-    return name, parse_with_unit(value, parameter.unit, name, example)
-
-
-def _short(value: float, unit: str) -> str:
-    from motoremi.quantities import show
-
-    return show(value, unit, 2).replace(" ", "")
+    return name, parse(value, known[name].unit)
 
 
 def _by_name(option: str, pairs: Iterable[tuple[str, Value]]) -> dict[str, Value]:
