@@ -393,6 +393,10 @@ def fit_(
             say(f"  the data do not determine {name}: {result.interval(name)}")
     if result.converged and (other := result.another_solution()):
         say(f"  {other}")
+    units = {parameter.name: parameter.unit for parameter in model.parameters}
+    for name, (low, high) in bounds.items():
+        # A number without a unit is in SI units, and 1 H is easily meant to be 1 uH.
+        say(f"  {name} was limited to {show(low, units[name])} - {show(high, units[name])}")
     if result.undetermined():
         say(f"  measure next: {next_measurement(result)['why']}")
     holds = {**changed.released, **held}
