@@ -103,6 +103,23 @@ def test_of_laws_that_do_as_well_the_one_with_usual_values_is_named_with_its_fam
     assert judgement.accepted
 
 
+def test_three_effects_that_are_not_accepted_do_not_take_the_place_of_two_that_are(healthy):
+    """Bearing film and laminations, between whose laws and the motor's a third effect makes a small difference beside any of the alike pairs."""
+    found = of(
+        model((), 0.0, 15.6, 15.6),
+        model(("bearing-film",), 100.0, 9.0, 9.0),
+        model(("bearing-film", "proximity-effect"), 500.0, 0.12, 0.035),
+        model(("bearing-film", "brush-contact", "proximity-effect"), 508.0, 0.11, 0.03),
+        model(("bearing-film", "skin-effect"), 450.0, 0.5, 0.4),
+        model(("bearing-film", "brush-contact", "skin-effect"), 505.0, 0.15, 0.031),
+    )
+    for one in found.values():
+        one.fit.measurement.analyser.named = True
+        one.fit.explained = one.fit.within_specification = one.fit.rms_error_percent < 0.2
+    judgement = decided(healthy, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == (("bearing-film", "proximity-effect"), True)
+
+
 def test_a_law_with_usual_values_is_named_as_before():
     assert air_coil(core_share_is_usual=True).named == ("permeability-relaxation",)
 

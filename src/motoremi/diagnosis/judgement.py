@@ -714,10 +714,12 @@ def _decided(base: Fit, found: Mapping[Key, Candidate], together: float, proven:
     judgement = _believed(base, found, together, proven)
     if len(judgement.belief.named) > 2 and not judgement.accepted:
         # Three effects that are not accepted say nothing about two.
-        judgement = _believed(base, {key: one for key, one in found.items() if len(key) < 3}, together, proven)
+        judgement = _believed(base, _without_threes(found), together, proven)
     if len(judgement.best.added) < len(judgement.belief.named):
         # The further effects of this set only reduce the analyser's error; without such sets another one may be the most probable.
         needed = _with_usual_values(judgement.of_needed, together)
+        if len(needed.belief.named) > 2 and not needed.accepted:
+            needed = _believed(base, _without_threes(judgement.found), together, proven)
         more = {key: one for key, one in judgement.found.items() if key not in needed.found and len(key) > len(needed.best.added)}
         aside = {key: one for key, one in more.items() if one.leaves_nothing and one.score > needed.best.score}
         judgement = dataclasses.replace(needed, aside=aside)
@@ -734,6 +736,10 @@ def _decided(base: Fit, found: Mapping[Key, Candidate], together: float, proven:
     single = judgement.of_singles
     smaller = judgement.of_none or judgement.of_closest if single is None else single.or_closest
     return smaller or _without_steps(base, found, together, proven) or judgement
+
+
+def _without_threes(found: Mapping[Key, Candidate]) -> Mapping[Key, Candidate]:
+    return {key: one for key, one in found.items() if len(key) < 3}
 
 
 def _believed(base: Fit, found: Mapping[Key, Candidate], together: float, proven: bool) -> Judgement:
