@@ -37,8 +37,8 @@ MOST_ERRING_PERCENT = 10.0
 # In standard deviations, of which three are the specification: no working analyser errs by 100 times that: then the circuit is wrong.
 NO_ANALYSER_SIGMA = 300.0
 # Share of true answers of each kind, for the errors that the posterior does not contain: estimated from the scoreboards of
-# docs/explanation/how_often_right.md, to be checked with other seeds. `adequate` was true in 190 of 190 cases, `unexplained` in 47 of 50; the other
-# three had a serious finding.
+# docs/explanation/how_often_right.md and earlier_figures.md, to be checked with other seeds. `adequate` was true in 190 of 190 cases, `unexplained`
+# in 47 of 50; the other three had a serious finding.
 # Answers with two effects were completely right in 10 of 12 cases by the protocol, 11 of 17 outside it (scoreboards of seeds 26112981 to 26113091)
 # and 7 of 12 of another generator: two effects often describe a third one as well. If one of them alone left at most 2 % of the undescribed part,
 # they were right in 8 of 24 cases of two other generators, whose laws are not quite those of the catalogue; simulated motors follow the
