@@ -32,9 +32,8 @@ FORCE:
 demo: install
 	$(BIN)/motoremi demo
 
-# With worksteal a worker that has nothing left takes tests from another one: without it the last of three went on alone for some minutes.
 test: install
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+	$(BIN)/python -m pytest -n $(WORKERS)
 
 # While one works: without tests of half a second or more, browser and ngspice; about a minute on two cores.
 quick: install
