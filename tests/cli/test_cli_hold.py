@@ -119,7 +119,7 @@ def test_what_is_no_longer_held_or_bounded_is_told_with_the_command_that_keeps_b
     session = imported(tmp_path)
     motoremi("fit", session, "--hold", f"Ra={RA_OHM}Ohm")
     bounded = motoremi("fit", session, "--bound", "La=1 uH:100 uH")
-    assert "La was limited to 1 uH - 100 uH" in bounded.stdout
+    assert "limits given for La: 1 uH - 100 uH" in bounded.stdout
     (told,) = (line for line in bounded.stdout.splitlines() if "no longer held" in line)
     assert told.endswith(f"to hold all: motoremi fit {session} --hold Ra=2.4Ohm --bound La=1uH:100uH")
     held = motoremi("fit", session, "--hold", f"Ra={RA_OHM}Ohm")

@@ -396,7 +396,7 @@ def fit_(
     units = {parameter.name: parameter.unit for parameter in model.parameters}
     for name, (low, high) in bounds.items():
         # A number without a unit is in SI units, and 1 H is easily meant to be 1 uH.
-        say(f"  {name} was limited to {show(low, units[name])} - {show(high, units[name])}")
+        say(f"  limits given for {name}: {show(low, units[name])} - {show(high, units[name])}")
     if result.undetermined():
         say(f"  measure next: {next_measurement(result)['why']}")
     holds = {**changed.released, **held}
