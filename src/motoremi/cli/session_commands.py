@@ -126,7 +126,7 @@ def import_(
         if condition is not None:
             refuse_other_termination(condition, bool(short), bool(open_))
         with progress_bars(as_json) as bars:
-            further = _sweeps(short or [], open_ or [], fixture, span, units, bars.bar("reading"))
+            further = _sweeps(short or [], open_ or [], fixture, span, units, bars.bar("reading") or _silent)
         _check_units(units, further)
         stated = ImportOptions(
             analyser if _is_typed(context, "analyser") else None,
@@ -144,7 +144,7 @@ def import_(
     if not files:
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
     with progress_bars(as_json) as bars:
-        show = bars.bar("reading")
+        show = bars.bar("reading") or _silent
         read = _sweeps(short or [], open_ or [], fixture, span, units, show)
         emission = [read_emission(path, units) for path in _shown(spectrum or [], show)]
     spectra, finals = ([item for one in emission for item in one[kind]] for kind in (0, 1))
@@ -272,7 +272,7 @@ def _sweeps(
     fixture: str | None,
     band: tuple[float, float] | None,
     units: dict[str, str],
-    progress: Progress | None,
+    progress: Progress,
 ) -> list[ImpedanceSweep]:
     """The sweeps of all files, within a band in hertz if one is named.
 
@@ -291,11 +291,10 @@ def _sweeps(
     return sweeps
 
 
-def _shown(files: Sequence[Path], progress: Progress | None) -> Iterator[Path]:
+def _shown(files: Sequence[Path], progress: Progress) -> Iterator[Path]:
     """The files one after the other, each shown as a step of the progress while it is read."""
     for index, path in enumerate(files):
-        if progress is not None:
-            progress(path.name, index, len(files))
+        progress(path.name, index, len(files))
         yield path
 
 

@@ -337,12 +337,23 @@ def read_corrections(path: str | Path, confirm: Callable[[str], bool] | None = N
         If the file, or a table that it names, cannot be used.
     """
     shown = show_name(path)
-    listed = read_toml(path).get("correction")
+    return with_tables(Corrections.of(entries_of(read_toml(path), shown), shown), Path(path).parent, confirm)
+
+
+def entries_of(content: JsonDict, where: str, hint: str = "") -> list[Any]:
+    """The `[[correction]]` tables of a TOML file, not checked one by one; `hint` ends the message if there are none.
+
+    Raises
+    ------
+    BadInput
+        If there are none.
+    """
+    listed = content.get("correction")
     if isinstance(listed, dict):
-        raise BadInput(f"{shown}: correction: write [[correction]], with two brackets")
+        raise BadInput(f"{where}: correction: write [[correction]], with two brackets")
     if not isinstance(listed, list) or not listed:
-        raise BadInput(f"{shown}: holds no [[correction]]; each has name, kind and db or file")
-    return with_tables(Corrections.of(listed, shown), Path(path).parent, confirm)
+        raise BadInput(f"{where}: holds no [[correction]]; each has name, kind and db or file{hint}")
+    return listed
 
 
 def with_tables(corrections: Corrections, folder: Path, confirm: Callable[[str], bool] | None = None) -> Corrections:

@@ -63,7 +63,7 @@ def _along_the_least_known(fit: Fit, behind: float) -> tuple[Fit, float]:
     if behind > AS_PROBABLE and not along.shows_a_better_one:
         return fit, 0.0
     problem, here = fit.weighed, fit.linearised
-    solutions = along.solutions
+    solutions = along.on_all_points()
     values = solutions[:, index]
     there = problem.linearised(solutions)
     best = int(np.argmin(there.objective))
@@ -100,7 +100,7 @@ def valley(fit: Fit) -> FloatArray:
     They are likely start values where other data are to be described as well.
     """
     index = _least_known(fit)
-    return np.empty((0, fit.unknowns.size)) if index is None else _Along(fit, index).solutions
+    return np.empty((0, fit.unknowns.size)) if index is None else _Along(fit, index).on_all_points()
 
 
 class _Along:
@@ -141,9 +141,8 @@ class _Along:
         self._found[here] = np.where(better[:, None], ends.u, self._found[here])
         self._objective[here] = np.where(better, ends.objective, self._objective[here])
 
-    @property
-    def solutions(self) -> FloatArray:
-        """Shape (m, k): the likely ones on all points."""
+    def on_all_points(self) -> FloatArray:
+        """The solutions, shape (m, k): the likely ones solved on all points, the others as few points have them."""
         found = self._found.copy()
         likely = np.flatnonzero(self._objective < self._objective.min() + 2 * NOTHING)
         # Also from the given start values: on few points another local minimum may be the lowest.

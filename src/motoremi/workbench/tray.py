@@ -13,7 +13,7 @@ from typing import Any
 
 from motoremi.arrays import JsonDict
 from motoremi.data.conditions import Condition
-from motoremi.data.corrections import NO_CORRECTIONS, Corrections, read_corrections
+from motoremi.data.corrections import NO_CORRECTIONS, Corrections, entries_of, read_corrections
 from motoremi.data.import_notes import final_summaries
 from motoremi.data.recognise import Recognised, recognise
 from motoremi.data.sweep import TERMINATIONS
@@ -297,9 +297,7 @@ def _tables(data: bytes, name: str) -> frozenset[str]:
     BadInput
         If it holds no corrections.
     """
-    listed = parse_toml(data, name).get("correction")
-    if not isinstance(listed, list) or not listed:
-        raise BadInput(f"{name}: holds no [[correction]]; each has name, kind and db or file (a laboratory's profile is chosen on the view Report)")
+    listed = entries_of(parse_toml(data, name), name, " (a laboratory's profile is chosen on the view Report)")
     return frozenset(str(entry["file"]) for entry in listed if isinstance(entry, dict) and entry.get("file"))
 
 
