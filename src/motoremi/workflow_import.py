@@ -243,7 +243,7 @@ def addition(
     averaged = [sweep for sweep in corrected if sweep.metadata.get("source") not in left_out]
     unlike = (*_disagreeing(measurement, own), *_unlike_stored(before, averaged))
     caveats = (*measurement.copies(), *labels, *unlike, *_without_use(measurement, own, values))
-    return Addition(tuple(own), tuple(values), caveats, bool(session.ladder) and not _same_repeats(before, measurement))
+    return Addition(tuple(own), tuple(values), caveats, bool(session.ladder) and not same_repeats(before, measurement))
 
 
 def _as_declared(sweep: ImpedanceSweep, session: Session, options: ImportOptions) -> ImpedanceSweep:
@@ -279,7 +279,7 @@ def _as_declared(sweep: ImpedanceSweep, session: Session, options: ImportOptions
     return sweep
 
 
-def _same_repeats(before: Measurement, after: Measurement) -> bool:
+def same_repeats(before: Measurement, after: Measurement) -> bool:
     """Whether both are the same data of the motor as it is, so that a fit to one is a fit to the other."""
     if (before.terminations, before.analyser, before.accuracy_percent) != (after.terminations, after.analyser, after.accuracy_percent):
         return False
@@ -341,8 +341,8 @@ def _unlike_stored(stored: Measurement, new: Sequence[ImpedanceSweep]) -> list[s
         which = f"{one.metadata.get('source', 'a sweep')} differs from the stored {one.termination} sweeps"
         found.append(
             f"{which} {_difference(apart, ratio)} (median over the points); repeats are averaged, so if it is of another motor, termination or "
-            "unit, import it as a session of its own, and the files of this motor again without it; if the motor was set up otherwise, append it "
-            "with --condition"
+            "unit, import it as a session of its own and withdraw it here (motoremi withdraw); if the motor was set up otherwise, withdraw it here "
+            "and append it with --condition"
         )
     return found
 

@@ -254,7 +254,7 @@ def investigate(
     Investigation
         Also stored as the analysis `investigation`.
     """
-    history = _History.of(load(store.path).documents)
+    history = _History.of(load(store.path).used_documents)
     return _Run(store, assess, bench, budget_minutes, tell, tuple(without), history, len(history.steps) + most).to_the_end()
 
 

@@ -1,4 +1,4 @@
-"""Commands on a session: import, verify, fit, compare, diagnose, inspect, add, drop, ladder, next, report, plot."""
+"""Commands on a session: import, withdraw, verify, fit, compare, diagnose, inspect, add, drop, ladder, next, report, plot."""
 
 from __future__ import annotations
 
@@ -245,6 +245,41 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
         again = f"motoremi fit {quoted(session)}, then motoremi add {quoted(session)} EFFECT"
         say(f"note: the models of the ladder were fitted without these sweeps and are removed; fit them again: {again}")
     say(f"next: motoremi diagnose {quoted(session)}")
+
+
+def withdraw_(
+    path: SessionPath,
+    names: Annotated[
+        list[str], typer.Argument(metavar="NAME...", help="A sweep by its file (short-2), or a single value (dc-resistance).", show_default=False)
+    ],
+    why: Annotated[str, typer.Option("--why", metavar="TEXT", help="The reason; the report gives it.", show_default=False)] = "",
+    restore: Annotated[bool, typer.Option("--restore", help="Use them again.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Withdraw sweeps or values that were measured wrongly: they stay in the session, and no analysis uses them."""
+    from motoremi.cli.output import emit_json, quoted, say
+    from motoremi.workflow_withdraw import restore_withdrawn, withdraw
+
+    if restore and why:
+        raise BadInput("--why is for what is withdrawn: leave it out with --restore")
+    done = restore_withdrawn(path, names) if restore else withdraw(path, names, why)
+    if as_json:
+        emit_json({
+            "schema": "motoremi.withdrawn/1",
+            "session": str(path),
+            "names": list(done.names),
+            "restored": done.restored,
+            "withdrawn": list(done.session.withdrawn),
+            "empties_ladder": done.emptied_ladder,
+        })  # fmt: skip
+        return
+    what = ", ".join(done.names)
+    say(f"{what} used again" if restore else f"{what} withdrawn: {done.why}; kept in the session, and no analysis uses it")
+    say(f"the session has {done.session.summary()}")
+    if done.emptied_ladder:
+        again = f"motoremi fit {quoted(path)}, then motoremi add {quoted(path)} EFFECT"
+        say(f"note: the models of the ladder were fitted to other data and are removed; fit them again: {again}")
+    say(f"next: motoremi diagnose {quoted(path)}")
 
 
 def _units(given: list[str]) -> dict[str, str]:
@@ -799,6 +834,7 @@ def plot_(
 def register(app: typer.Typer) -> None:
     """Add these commands."""
     command(app, "import", import_, "motoremi import my_motor --short short1.csv short2.csv --open open1.csv open2.csv --analyser 4294a")
+    command(app, "withdraw", withdraw_, "motoremi withdraw my_motor short-3 --why 'the clip was loose'")
     command(app, "verify", verify_, "motoremi verify my_motor")
     command(app, "fit", fit_, 'motoremi fit my_motor --bound "La=1 uH:100 uH" --hold Ra=2.3Ohm')
     command(app, "compare", compare_, "motoremi compare my_motor --error-percent 5")

@@ -29,6 +29,7 @@ from motoremi.data.storage import StorageError
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.data.verify import verify, vouched_sha256
+from motoremi.data.withdrawn import name_of, withdrawals
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.given import refuse_other
@@ -53,7 +54,7 @@ class Session:
     start : dict
         The first document.
     sweeps : tuple of ImpedanceSweep
-        Sweeps without a condition.
+        Sweeps without a condition. Sweeps and values that were withdrawn are left out.
     spectra : tuple of Spectrum
     finals : tuple of Spectrum
         Short scans around the maxima of a prescan.
@@ -88,14 +89,31 @@ class Session:
     def summary(self) -> str:
         """One line for a person."""
         ending = f"{self.status}, not closed" if self.interrupted and self.status != "interrupted" else self.status
-        states = states_of(self.documents)
+        states = states_of(self.used_documents)
         marked = sum(bool(marks_of(state)) for _, state in states)
         motor = f", motor's state with {len(states)}" + (f" of which {marked} MARKED" if marked else "") if states else ""
         finals = f", {len(self.finals)} final scans" if self.finals else ""
         count = len({sweep.condition for sweep in self.conditioned})
         beside = f", {len(self.conditioned)} sweeps under {count} conditions" if count else ""
         beside += f", {len(self.values)} single values" if self.values else ""
+        beside += f", {', '.join(str(one['name']) for one in self.withdrawn)} withdrawn" if self.withdrawn else ""
         return f"{len(self.sweeps)} sweeps{beside}, {len(self.spectra)} spectra{finals}{motor}, {len(self.analysis_files)} analyses, {ending}"
+
+    @cached_property
+    def used_documents(self) -> tuple[JsonDict, ...]:
+        """The documents without those of sweeps and values that were withdrawn."""
+        gone = withdrawals(self.documents)
+        return tuple(document for document in self.documents if document["seq"] not in gone)
+
+    @cached_property
+    def withdrawn(self) -> tuple[JsonDict, ...]:
+        """Each sweep and value that was withdrawn: name, reason and time."""
+        gone = withdrawals(self.documents)
+        return tuple(
+            {"name": name_of(document), "why": gone[document["seq"]].get("why", ""), "time": gone[document["seq"]]["time"]}
+            for document in self.documents
+            if document["seq"] in gone
+        )
 
     @cached_property
     def corrections(self) -> Corrections:
@@ -197,6 +215,7 @@ class Session:
             "sweeps": [sweep.to_dict() for sweep in self.sweeps],
             "conditioned": [sweep.to_dict() for sweep in self.conditioned],
             "values": [value.to_dict() for value in self.values],
+            "withdrawn": list(self.withdrawn),
             "spectra": [spectrum.to_dict() for spectrum in self.spectra],
             "finals": [spectrum.to_dict() for spectrum in self.finals],
             "corrections": self.corrections.to_list(),
@@ -243,14 +262,18 @@ def _loaded(folder: Path, name: str, data: bytes) -> Session:
         raise BadInput(f"{name}: no session here ({SESSION} has no start document)")
     closed = _is_closed(folder, name, data, chain)
     vouched = vouched_sha256(chain)
+    gone = withdrawals(chain.documents)
     sweeps: list[ImpedanceSweep] = []
     conditioned: list[ImpedanceSweep] = []
     spectra: dict[str, list[Spectrum]] = {"spectrum": [], "final": []}
     analyses: dict[str, bytes] = {}
     for document in chain.documents:
         if document["kind"] in ("sweep", "spectrum", "final", "analysis"):
+            # Read also if it was withdrawn: a measured file that was changed is never ignored.
             stored = _stored(folder, document, vouched)
             file = str(document["file"])
+            if document["seq"] in gone:
+                continue
             if document["kind"] == "sweep":
                 sweep = _sweep_of(stored, file, f"{name}/{file}", str(document.get("termination"))).with_metadata()
                 # The condition is taken from the document, not from the header: in older sessions a line `# condition:` is the user's remark.
@@ -275,7 +298,7 @@ def _loaded(folder: Path, name: str, data: bytes) -> Session:
         status=status,
         analysis_files=analyses,
         conditioned=tuple(conditioned),
-        values=tuple(SingleValue.restored(document) for document in chain.documents if document["kind"] == "value"),
+        values=tuple(SingleValue.restored(document) for document in chain.documents if document["kind"] == "value" and document["seq"] not in gone),
     )
 
 
@@ -353,9 +376,9 @@ def refuse_unfinished(session: Session) -> None:
 
 
 def is_up_to_date(session: Session) -> bool:
-    """Whether the stored diagnosis includes every sweep and value."""
+    """Whether the stored diagnosis includes every sweep and value, and none that was withdrawn."""
     for document in reversed(session.documents):
-        if document["kind"] in ("sweep", "value"):
+        if document["kind"] in ("sweep", "value", "withdrawn", "restored"):
             return False
         if document["kind"] == "analysis" and document.get("name") == "diagnosis":
             return True

@@ -143,7 +143,7 @@ def _with_due(item: Item, days: float | None) -> Item:
 
 def _used_on(session: Session) -> str:
     """The last day of a run; empty for imported data, whose date is uncertain."""
-    times = [str(d.get("time", ""))[:10] for d in session.documents if d["kind"] in ("sweep", "spectrum", "final")]
+    times = [str(d.get("time", ""))[:10] for d in session.used_documents if d["kind"] in ("sweep", "spectrum", "final")]
     return "" if imported_files(session) or not times else max(times)
 
 

@@ -73,7 +73,8 @@ def of_the_run(session: Session) -> list[str]:
         found.append(f"{len(missed)} of {len(steps)} steps were not begun: {', '.join(missed)}")
     unsafe = [d for d in session.documents if d["kind"] == "safe" and d.get("safe") is False]
     found += [f"{d.get('role')} could not be brought into its safe state: {d.get('problem')}" for d in unsafe]
-    found += [f"{file}: {mark}" for file, state in states_of(session.documents) for mark in marks_of(state)]
+    found += [f"{file}: {mark}" for file, state in states_of(session.used_documents) for mark in marks_of(state)]
+    found += [f"{one['name']} was measured and withdrawn on {str(one['time'])[:10]}: {one['why']}" for one in session.withdrawn]
     return found
 
 

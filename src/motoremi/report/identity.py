@@ -51,7 +51,7 @@ def imported_files(session: Session) -> tuple[str, ...]:
         return ()
     measured, later = iter(_measured(session)), []
     added = False
-    for document in session.documents:
+    for document in session.used_documents:
         added = added or document["kind"] == "reopen"
         if document["kind"] in MEASURED:
             _, item = next(measured)
@@ -74,7 +74,7 @@ def _measured(session: Session) -> list[tuple[JsonDict, ImpedanceSweep | Spectru
         "spectrum": iter(session.spectra),
         "final": iter(session.finals),
     }
-    measured = [d for d in session.documents if d["kind"] in MEASURED]
+    measured = [d for d in session.used_documents if d["kind"] in MEASURED]
     return [(d, next(sources["sweep under a condition" if "condition" in d and d["kind"] == "sweep" else d["kind"]])) for d in measured]
 
 
@@ -83,7 +83,7 @@ def measured_when(session: Session) -> str:
     if imported_files(session):
         days = [day for item in measured_items(session) if (day := measured_on(item.metadata))]
         return _span(days) if days else "date not stated in the files"
-    times = [str(d.get("time", ""))[:16].replace("T", " ") for d in session.documents if d["kind"] in MEASURED]
+    times = [str(d.get("time", ""))[:16].replace("T", " ") for d in session.used_documents if d["kind"] in MEASURED]
     return f"{_span(times)} UTC" if times else "nothing"
 
 

@@ -88,7 +88,7 @@ def _statements(materials: Materials) -> tuple[str, ...]:
 def session_hash(session: Session) -> str:
     """The hash that ties a report to its session: of the measured data, which later analyses do not change."""
     digest = hashlib.sha256()
-    for document in session.documents:
+    for document in session.used_documents:
         if document["kind"] in ("sweep", "spectrum", "final"):
             digest.update(str(document["sha256"]).encode())
         elif document["kind"] == "value":
@@ -128,6 +128,7 @@ def _data(materials: Materials) -> JsonDict:
             for document in session.documents
             if document["kind"] == "instrument"
         ],
+        "withdrawn": list(session.withdrawn),
         "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz)} for s in session.sweeps],
         "conditioned": [
             {

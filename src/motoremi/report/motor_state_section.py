@@ -11,7 +11,7 @@ from motoremi.report.contents import Section, Table
 
 def state_section(session: Session) -> Section | None:
     """One row for each sweep and spectrum with a recorded state; None if there is none."""
-    states = states_of(session.documents)
+    states = states_of(session.used_documents)
     if not states:
         return None
     rows, marked = [], set()

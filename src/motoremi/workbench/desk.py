@@ -265,4 +265,4 @@ def _ladder(session: Session) -> list[JsonDict]:
 
 def _measured(session: Session) -> list[object]:
     """Identifies the measured data; analyses do not change it."""
-    return [document.get("sha256", document.get("seq")) for document in session.documents if document["kind"] in ("sweep", "value")]
+    return [document.get("sha256", document.get("seq")) for document in session.used_documents if document["kind"] in ("sweep", "value")]

@@ -1,0 +1,66 @@
+"""Measured sweeps and values that were withdrawn: they stay in the session with the reason, and no analysis uses them.
+
+A "withdrawn" document gives the sequence numbers of the documents that it withdraws; a "restored" one those that are used again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePosixPath
+
+from motoremi.arrays import JsonDict
+from motoremi.data.text import clean_text
+from motoremi.errors import BadInput
+
+# Kinds of documents that can be withdrawn.
+KINDS = ("sweep", "value")
+
+
+def withdrawals(documents: Sequence[JsonDict]) -> dict[int, JsonDict]:
+    """Sequence number of each withdrawn document -> the document that withdraws it."""
+    found: dict[int, JsonDict] = {}
+    for document in documents:
+        numbers = document.get("documents") if document["kind"] in ("withdrawn", "restored") else None
+        for number in numbers if isinstance(numbers, list) else ():
+            if document["kind"] == "withdrawn":
+                found[number] = document
+            else:
+                found.pop(number, None)
+    return found
+
+
+def name_of(document: JsonDict) -> str:
+    """The name by which a user calls a sweep or value: `short-2`, `open-second-temperature-1`, `dc-resistance`."""
+    return str(document.get("name")) if document["kind"] == "value" else PurePosixPath(str(document.get("file"))).stem
+
+
+def called(documents: Sequence[JsonDict], name: str, withdrawn: bool) -> list[int]:
+    """Sequence numbers of the withdrawn, or of the used, sweeps and values of this name.
+
+    Parameters
+    ----------
+    documents : sequence of dict
+        All of the session.
+    name : str
+        As in `name_of`, or the file of a sweep.
+    withdrawn : bool
+        Whether those that are withdrawn are sought.
+
+    Raises
+    ------
+    BadInput
+        If there are none, with what there is.
+    """
+    gone = withdrawals(documents)
+    measured = [document for document in documents if document["kind"] in KINDS]
+    wanted = name.removeprefix("./").removeprefix("sweeps/").removesuffix(".csv")
+    of_name = [document for document in measured if name_of(document) == wanted]
+    found = [int(document["seq"]) for document in of_name if (document["seq"] in gone) == withdrawn]
+    if found:
+        return found
+    shown = clean_text(repr(name), 80)
+    if of_name:
+        raise BadInput(f"{shown} {'is not withdrawn' if withdrawn else 'is withdrawn already'}")
+    names = dict.fromkeys(name_of(document) for document in measured if not withdrawn or document["seq"] in gone)
+    what = "withdrawn sweep or value" if withdrawn else "sweep or single value"
+    raise BadInput(f"no {what} is called {shown}; there {'is' if len(names) == 1 else 'are'} {', '.join(names) or 'none'}")
