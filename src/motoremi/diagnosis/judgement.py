@@ -168,7 +168,10 @@ class Judgement:
         # An error of the analyser that its specification allows is no fault.
         slight = self._little_is_left or acceptance_of(self.base, self.base) == "slight"
         allowed = slight and _is_within(self.base) and of_the_analyser_alone(self.best.added)
-        return not allowed and (self._describes or _comes_closer(base, self.best) or _relieves(base, self.best))
+        # That unusual values need smaller errors of an analyser without a name proves nothing where the base leaves no more than it may cause.
+        assumed = self.best.unusual and _is_assumed(self.base) and acceptance_of(self.base, self.base) != "not"
+        relieves = not assumed and _relieves(base, self.best)
+        return not allowed and (self._describes or _comes_closer(base, self.best) or relieves)
 
     @property
     def _describes(self) -> bool:

@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 from motoremi.arrays import FloatArray
 from motoremi.fitting.fit import Known, also_from
 from motoremi.fitting.identify import following
-from motoremi.fitting.polish import FINE, polish
+from motoremi.fitting.polish import FINE, polish, promised
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import ARRIVAL_POINTS, AS_PROBABLE, CLOSE, misses_by_far
@@ -136,10 +136,14 @@ class _Along:
         here, neighbour = (slice(1, None), slice(None, -1)) if step > 0 else (slice(None, -1), slice(1, None))
         from_neighbour = self._found[neighbour].copy()
         from_neighbour[:, self._index] = self._start[here, self._index]
-        ends = polish(self._coarse, from_neighbour, iterations=STEPS, precision=CLOSE)
-        better = ends.objective < self._objective[here]
-        self._found[here] = np.where(better[:, None], ends.u, self._found[here])
-        self._objective[here] = np.where(better, ends.objective, self._objective[here])
+        found, objective = self._found[here], self._objective[here]
+        # Most neighbours lead to the solution that is known already.
+        other = np.flatnonzero(promised(self._coarse, from_neighbour) < objective - SAME)
+        if not other.size:
+            return
+        ends = polish(self._coarse, from_neighbour[other], iterations=STEPS, precision=CLOSE)
+        better = ends.objective < objective[other]
+        found[other[better]], objective[other[better]] = ends.u[better], ends.objective[better]
 
     def on_all_points(self) -> FloatArray:
         """The solutions, shape (m, k): the likely ones solved on all points, the others as few points have them."""

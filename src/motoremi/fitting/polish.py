@@ -209,6 +209,13 @@ def _expected(here: Linearised, right: FloatArray, step: FloatArray) -> FloatArr
     return -np.einsum("ij,ij->i", step, 2 * right + (here.matrix @ step[..., None])[..., 0])
 
 
+def promised(problem: Problem, u: FloatArray) -> FloatArray:
+    """The objective that an undamped step from each start would reach by the linear model, shape (batch,)."""
+    here = problem.linearised(u)
+    held = _held(problem, u, here)
+    return here.objective - _decrement(here.matrix, np.where(held, 0.0, here.gradient), held)
+
+
 def watchdog_step(problem: Problem, trial: FloatArray, new: Linearised, before: FloatArray, damped: FloatArray) -> int:
     """Make a second step, in place, from trials that raised the objective, if it predicts a value below `before`; returns their number."""
     uphill = np.flatnonzero(new.objective > before)

@@ -166,20 +166,31 @@ class Fit:
     @property
     def unexplained_percent(self) -> JsonDict:
         """What neither circuit, analyser nor noise describes, relative to Z: the median of its posterior, and its 95 % interval."""
-        unit = self.weighed.discrepancy_percent
+        unit, error_percent = self.weighed.discrepancy_percent, self._regular_error_percent
         low, value, high = (unit * self.marginal.quantile(share) for share in (0.025, 0.5, 0.975))
         nothing = unit * NOTHING_LEFT
-        if value > self.corrected_error_percent or self.sizes.discrepancy >= PLAIN:
+        if value > error_percent or self.sizes.discrepancy >= PLAIN:
             # If the circuit is fitted by its relative error, or only a sharp feature makes the discrepancy large, the error itself is undescribed.
-            low, value, high = (self.corrected_error_percent / value * limit for limit in (low, value, high))
+            low, value, high = (error_percent / value * limit for limit in (low, value, high))
         if self.chi2_reduced > 1 + PLAINLY_MORE / np.sqrt(self.measurement.points):
             # A misfit at a few points, as beside a sharp resonance, is no discrepancy that is smooth along frequency.
-            high = max(high, self.corrected_error_percent * float(np.sqrt(1 - 1 / self.chi2_reduced)))
+            high = max(high, error_percent * float(np.sqrt(1 - 1 / self.chi2_reduced)))
         if self.analyser_sigma > BEYOND_SIGMA:
             # An error that the analyser could have caused only beyond its specification is undescribed too.
-            beyond = float(np.sqrt(max(self.corrected_error_percent**2 - self.noise_percent**2, 0.0)))
+            beyond = float(np.sqrt(max(error_percent**2 - self.noise_percent**2, 0.0)))
             value, high = max(value, beyond), max(high, beyond)
         return {"value": 0.0 if value <= nothing else value, "low": 0.0 if low <= nothing else low, "high": high}
+
+    @cached_property
+    def _regular_error_percent(self) -> float:
+        """`corrected_error_percent` at the points that do not stand out, as `noise_percent`: a station is no error of the model."""
+        regular = np.concatenate([noise.regular for noise in self.measurement.noise])
+        if regular.all():
+            return self.corrected_error_percent
+        problem, u = self.problem, self.unknowns
+        corrected = self.weighed.less_allowed_error(u, None if self.weighed is problem else problem)
+        with np.errstate(over="ignore"):
+            return min(_rms_percent(np.exp(-left[regular]) - 1) for left in (problem.deviation(problem.alone(u)), corrected))
 
     @cached_property
     def explained(self) -> bool:
