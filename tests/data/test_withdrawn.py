@@ -10,9 +10,10 @@ import pytest
 from command_line import document, motoremi
 
 from motoremi.data.csvfiles import write_impedance_csv
-from motoremi.data.session import is_up_to_date, load, verify
+from motoremi.data.session import is_up_to_date, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
+from motoremi.fleet.work import Job
 from motoremi.workflow import ladder_of, measurement_of
 from motoremi.workflow_withdraw import restore_withdrawn, withdraw
 
@@ -87,13 +88,30 @@ def test_a_value_leaves_the_models_of_the_ladder(session: Path) -> None:
 
 
 def test_a_diagnosis_with_it_is_out_of_date(session: Path) -> None:
-    from motoremi.data.session import reopen
-
     with reopen(session) as writer:
         writer.save_analysis("diagnosis", {"schema": "motoremi.diagnosis/2"})
     assert is_up_to_date(load(session))
     withdraw(session, ["short-3"], "another winding")
     assert not is_up_to_date(load(session))
+
+
+def test_a_fleet_works_on_the_session_again(session: Path) -> None:
+    job = Job(session.name, str(session.parent), True, 1)
+    keys = [job.key()]
+    withdraw(session, ["dc-resistance"], "ohm in place of milliohm")
+    keys.append(job.key())
+    restore_withdrawn(session, ["dc-resistance"])
+    keys.append(job.key())
+    assert motoremi("import", session, "--append", "--value", "dc-resistance=21.3mohm").returncode == 0
+    keys.append(job.key())
+    assert len(set(keys)) == 4
+
+
+def test_documents_that_no_version_wrote_withdraw_nothing(session: Path) -> None:
+    with reopen(session) as writer:
+        writer.emit("withdrawn", documents=[["short-3"], None, "1"], why="hostile")
+        writer.emit("restored", documents="all")
+    assert len(load(session).sweeps) == 3
 
 
 def test_the_report_gives_what_was_withdrawn_and_why(session: Path) -> None:

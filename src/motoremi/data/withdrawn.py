@@ -21,7 +21,7 @@ def withdrawals(documents: Sequence[JsonDict]) -> dict[int, JsonDict]:
     found: dict[int, JsonDict] = {}
     for document in documents:
         numbers = document.get("documents") if document["kind"] in ("withdrawn", "restored") else None
-        for number in numbers if isinstance(numbers, list) else ():
+        for number in (one for one in numbers if isinstance(one, int)) if isinstance(numbers, list) else ():
             if document["kind"] == "withdrawn":
                 found[number] = document
             else:

@@ -58,13 +58,17 @@ class Job:
         return digest.hexdigest()
 
 
+# In the lines of a session's log that change what is analysed.
+_OF_DATA = tuple(f'"kind":"{kind}"'.encode() for kind in ("sweep", "spectrum", "value", "withdrawn", "restored"))
+
+
 def _measured(log: Path) -> bytes:
-    """Digest of the recorded sweeps and spectra; analyses that are added later do not change it."""
+    """Digest of the recorded sweeps, values and spectra, and of what was withdrawn; analyses that are added later do not change it."""
     digest = hashlib.sha256()
     try:
         with open(log, "rb") as file:
             for line in file:
-                if b'"kind":"sweep"' in line or b'"kind":"spectrum"' in line:
+                if any(kind in line for kind in _OF_DATA):
                     digest.update(line)
     except OSError as error:
         digest.update(str(error.errno).encode())
