@@ -190,9 +190,6 @@ class Whitening:
         shares, fixed = blocks.shares(np.asarray(discrepancy)), blocks.fixed_shares > least_share
         used = shares > least_share
         own = np.concatenate([blocks.fixed[:, fixed] * np.sqrt(blocks.fixed_shares[fixed]), blocks.spread[:, used] * np.sqrt(shares[used])], axis=1)
-        if own.shape[1] > len(own):
-            # Of noise that the repeats share there are up to twice as many directions as points; as many as points have the same sum D D*.
-            own = np.asarray(np.linalg.qr(own.conj().T, mode="r")).conj().T
         if not blocks.analyser.shape[1]:
             return own
         columns = self.declared * blocks.analyser
