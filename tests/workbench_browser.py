@@ -84,7 +84,10 @@ class Watched:
         self.asked: list[str] = []
         self.trouble: list[str] = []
         self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.on("console", lambda message: self.trouble.append(message.text) if message.type in ("error", "warning") else None)
+        self.page.on(
+            "console",
+            lambda message: self.trouble.append(f"{message.text} {message.location['url']}") if message.type in ("error", "warning") else None,
+        )
         self.page.on("pageerror", lambda error: self.trouble.append(str(error)))
         self.page.on("dialog", lambda dialog: self.trouble.append(f"dialog: {dialog.message}"))
         self.page.goto(address)

@@ -20,6 +20,7 @@ from workbench_tools import ATTACKS, bench_of, make_session, measuring_only, ser
 from motoremi.data.session import SessionWriter, load, reopen
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep
+from motoremi.workbench import routes
 from motoremi.workbench.desk import Desk
 from motoremi.workflow import opened
 from motoremi.workflow_emission import predict_session
@@ -28,13 +29,18 @@ pytestmark = [needs_chromium, pytest.mark.slow, pytest.mark.usefixtures("few_eff
 # What the page itself never makes.
 FOREIGN = "main :is(img, iframe, script, b, object, [onmouseover], [onerror], a[href^=javascript]), body > script"
 
+# Seed of a challenge.
+HIDES_NOTHING = 3
+
 
 def percents(text: str) -> list[float]:
     """The percentages in a text."""
     return [float(word) for word in text.replace("%", " ").replace("→", " ").split() if word.replace(".", "").isdigit()]
 
 
-def test_the_story_by_clicks(browser, tmp_path):
+def test_the_story_by_clicks(browser, tmp_path, monkeypatch):
+    # The sealed motor is drawn by chance, and the diagnosis of some takes minutes beside other tests; this one hides nothing.
+    monkeypatch.setattr(routes.secrets, "randbelow", lambda limit: HIDES_NOTHING)
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address)
         page = watched.page
@@ -125,6 +131,7 @@ def test_the_story_by_clicks(browser, tmp_path):
         page.click("#say-adequate")
         page.wait_for_selector("#score")
         expect(page.locator("#score")).to_contain_text("the tool")
+        expect(page.locator("#hidden")).to_have_text("nothing was hidden")
         keep(page, "challenge-answered")
         watched.close()
     stories = [path for path in tmp_path.iterdir() if path.name.startswith("motoremi-run")]
