@@ -212,7 +212,7 @@ def _not_named(sweeps: Sequence[ImpedanceSweep]) -> str:
 
 
 def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
-    from motoremi.cli.output import emit_json, quoted, say
+    from motoremi.cli.output import emit_json, say
 
     if as_json:
         emit_json(
@@ -241,23 +241,30 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
         say(f"value {one}")
     for remark in added.caveats:
         say(f"note: {remark}")
-    if added.empties_ladder:
+    _say_what_follows(session, "without these sweeps" if added.empties_ladder else "")
+
+
+def _say_what_follows(session: Path, fitted: str) -> None:
+    """The commands after a change of a session's data; `fitted` says to which data its removed models were fitted, empty if they are kept."""
+    from motoremi.cli.output import quoted, say
+
+    if fitted:
         again = f"motoremi fit {quoted(session)}, then motoremi add {quoted(session)} EFFECT"
-        say(f"note: the models of the ladder were fitted without these sweeps and are removed; fit them again: {again}")
+        say(f"note: the models of the ladder were fitted {fitted} and are removed; fit them again: {again}")
     say(f"next: motoremi diagnose {quoted(session)}")
 
 
 def withdraw_(
     path: SessionPath,
     names: Annotated[
-        list[str], typer.Argument(metavar="NAME...", help="A sweep by its file (short-2), or a single value (dc-resistance).", show_default=False)
+        list[str], typer.Argument(metavar="NAME", help="A sweep by its file (short-2), or a single value (dc-resistance).", show_default=False)
     ],
     why: Annotated[str, typer.Option("--why", metavar="TEXT", help="The reason; the report gives it.", show_default=False)] = "",
     restore: Annotated[bool, typer.Option("--restore", help="Use them again.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Withdraw sweeps or values that were measured wrongly: they stay in the session, and no analysis uses them."""
-    from motoremi.cli.output import emit_json, quoted, say
+    from motoremi.cli.output import emit_json, say
     from motoremi.workflow_withdraw import restore_withdrawn, withdraw
 
     if restore and why:
@@ -276,10 +283,7 @@ def withdraw_(
     what = ", ".join(done.names)
     say(f"{what} used again" if restore else f"{what} withdrawn: {done.why}; kept in the session, and no analysis uses it")
     say(f"the session has {done.session.summary()}")
-    if done.emptied_ladder:
-        again = f"motoremi fit {quoted(path)}, then motoremi add {quoted(path)} EFFECT"
-        say(f"note: the models of the ladder were fitted to other data and are removed; fit them again: {again}")
-    say(f"next: motoremi diagnose {quoted(path)}")
+    _say_what_follows(path, "to other data" if done.emptied_ladder else "")
 
 
 def _units(given: list[str]) -> dict[str, str]:

@@ -118,15 +118,15 @@ class Judgement:
         An error of the analyser beside a model that is within its specification is none: the errors that it allows have structure too.
         """
         further = tuple(Counter(model.added) - Counter(under.added))
-        within = _is_within(under.fit) and acceptance_of(self.base, under.fit) != "not"
-        shown = of_the_analyser_alone(further) and _errs_less_than_assumed(under, model)
-        if of_the_analyser_alone(further) and within and not shown:
+        of_analyser = of_the_analyser_alone(further)
+        shown = of_analyser and _errs_less_than_assumed(under, model)
+        if of_analyser and not shown and _is_within(under.fit) and acceptance_of(self.base, under.fit) != "not":
             return False
         if _is_assumed(under.fit) and self._only_relieves_what_is_assumed(under, model):
             return False
         needed = shown or _comes_closer(under, model) or _relieves(under, model)
         # The sizes of the errors of an analyser without a name are estimated from these sweeps: what is left beside them is no further error of it.
-        if not (of_the_analyser_alone(further) and _is_assumed(under.fit)):
+        if not (of_analyser and _is_assumed(under.fit)):
             needed = needed or _leaves_less(under, model)
         return needed and not self._corrects_laws(under, model)
 
@@ -170,7 +170,7 @@ class Judgement:
         # An error of the analyser that its specification allows is no fault.
         slight = self._little_is_left or acceptance_of(self.base, self.base) == "slight"
         allowed = slight and _is_within(self.base) and of_the_analyser_alone(self.best.added)
-        # That unusual values need smaller errors of an analyser without a name proves nothing where the base leaves no more than it may cause.
+        # If the base leaves no more than an analyser without a name may cause, a smaller error of that analyser is no reason for unusual values.
         assumed = self.best.unusual and _is_assumed(self.base) and acceptance_of(self.base, self.base) != "not"
         relieves = not assumed and _relieves(base, self.best)
         return not allowed and (self._describes or _comes_closer(base, self.best) or relieves)
@@ -327,8 +327,8 @@ class Judgement:
         if len(self.model.added) > 2:
             return self.model.leaves_nothing and fit.analyser_sigma <= SPECIFIED_SIGMA and not self.distributed
         # Of an unnamed analyser only the size of the errors is known, so an error much smaller than these may be its own. The scatter of short
-        # sweeps does not count as such an error. So may what is next to nothing of what the base leaves: of two motors on unnamed analysers (two
-        # independent generators) the right pair left 0.5 % and 1.3 % of it.
+        # sweeps does not count as such an error. A pair that leaves next to nothing of the base's undescribed part is accepted too: of two motors
+        # on unnamed analysers (two independent generators) the right pair left 0.5 % and 1.3 % of it.
         analyser_percent = np.sqrt(max(fit.floor_percent**2 - fit.noise_percent**2, 0.0))
         slight = fit.rms_error_percent <= SLIGHT_SHARE * min(analyser_percent, MOST_ERRING_PERCENT)
         within = fit.analyser_sigma <= SPECIFIED_SIGMA

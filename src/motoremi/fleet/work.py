@@ -58,7 +58,7 @@ class Job:
         return digest.hexdigest()
 
 
-# In the lines of a session's log that change what is analysed.
+# Kinds of the documents that change what is analysed, as a line of a session's log contains them.
 _OF_DATA = tuple(f'"kind":"{kind}"'.encode() for kind in ("sweep", "spectrum", "value", "withdrawn", "restored"))
 
 
