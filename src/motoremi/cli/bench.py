@@ -32,7 +32,7 @@ SHOWN_MESSAGES = 40
 
 def run_(
     procedure: Annotated[
-        str | None, typer.Argument(metavar="[PROCEDURE]", help="A TOML file, or a ready one: motoremi procedures lists them.", show_default=False)
+        str | None, typer.Argument(metavar="PROCEDURE", help="A TOML file, or a ready one: motoremi procedures lists them.", show_default=False)
     ] = None,
     bench: Annotated[str | None, typer.Option(help="Bench file with resources and calibration dates; 'sim' is the embedded bench.")] = None,
     out: Out = None,
@@ -238,7 +238,7 @@ def replay_(
 
 
 def procedures_(
-    name: Annotated[str | None, typer.Argument(metavar="[PROCEDURE]", help="A ready one, or a TOML file.", show_default=False)] = None,
+    name: Annotated[str | None, typer.Argument(metavar="PROCEDURE", help="A ready one, or a TOML file.", show_default=False)] = None,
     keys: Annotated[bool, typer.Option("--keys", help="Every key of a procedure and of a bench file: units, limits, defaults.")] = False,
     as_json: AsJson = False,
 ) -> None:

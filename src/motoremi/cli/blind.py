@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def challenge_(
-    out: Annotated[Path | None, typer.Argument(metavar="[OUT]", help="Session folder to make.", show_default=False)] = None,
+    out: Annotated[Path | None, typer.Argument(metavar="OUT", help="Session folder to make.", show_default=False)] = None,
     seed: Annotated[int | None, typer.Option(help="Determines the motor and what it hides; random by default.", min=0)] = None,
     opened: Annotated[Path | None, typer.Option("--reveal", metavar="DIR", help="Open the seal of a challenge and score the answer.")] = None,
     answer: Annotated[

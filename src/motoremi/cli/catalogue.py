@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def effects_(
-    identifier: Annotated[str | None, typer.Argument(metavar="[ID]", help="One effect in full.", show_default=False)] = None,
+    identifier: Annotated[str | None, typer.Argument(metavar="ID", help="One effect in full.", show_default=False)] = None,
     session: Annotated[
         Path | None,
         typer.Option("--session", metavar="SESSION", help="Show the effect on this motor, with its fitted circuit.", show_default=False),

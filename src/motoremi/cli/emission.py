@@ -57,7 +57,7 @@ def predict_(
 
 def limits_(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="One limit in full; or the path of your own .toml.", show_default=False)
+        str | None, typer.Argument(metavar="NAME", help="One limit in full; or the path of your own .toml.", show_default=False)
     ] = None,
     as_json: AsJson = False,
 ) -> None:

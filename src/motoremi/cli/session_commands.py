@@ -618,7 +618,7 @@ def add_(
     path: SessionPath,
     effects: Annotated[
         list[str],
-        typer.Argument(metavar="EFFECT...", help="From the catalogue: motoremi effects. Several are fitted at once.", show_default=False),
+        typer.Argument(metavar="EFFECT", help="From the catalogue: motoremi effects. Several are fitted at once.", show_default=False),
     ],
     as_json: AsJson = False,
 ) -> None:
@@ -766,7 +766,7 @@ def _answer(path: Path, asked: JsonDict) -> str:
 
 def report_(
     context: typer.Context,
-    paths: Annotated[list[Path], typer.Argument(metavar="SESSION...", help="A session folder; several are compared.", show_default=False)],
+    paths: Annotated[list[Path], typer.Argument(metavar="SESSION", help="A session folder; several are compared.", show_default=False)],
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the comparison of several sessions.")] = None,
     profile: Annotated[
         Path | None,

@@ -15,7 +15,7 @@ NEEDED = ("starlette", "uvicorn")
 
 
 def workbench_(
-    path: Annotated[Path | None, typer.Argument(metavar="[SESSION]", help="A session folder to open.", show_default=False)] = None,
+    path: Annotated[Path | None, typer.Argument(metavar="SESSION", help="A session folder to open.", show_default=False)] = None,
     folder: Annotated[Path, typer.Option(metavar="DIR", help="Folder for new sessions; its sessions are listed.")] = Path(),
     bench: Annotated[Path | None, typer.Option(metavar="FILE", help="Bench file with real instruments.", show_default=False)] = None,
     profile: Annotated[
