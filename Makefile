@@ -1,4 +1,4 @@
-# make demo | test | quick | lint | bench | emission | docs | faults | kills | speed | page | screenshots : each creates its environment first; nothing else is needed.
+# make demo | test | quick | cases | lint | bench | emission | docs | faults | kills | speed | page | screenshots : each creates its environment first; nothing else is needed.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -12,7 +12,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
 unexport PYTHONDONTWRITEBYTECODE
 SOURCES := $(shell find src instruments procedures sim_profiles -type f -not -name '*.pyc')
 
-.PHONY: demo test quick lint bench emission docs faults kills speed page screenshots install clean
+.PHONY: demo test quick cases lint bench emission docs faults kills speed page screenshots install clean
 
 install: $(STAMP)
 
@@ -32,12 +32,17 @@ FORCE:
 demo: install
 	$(BIN)/motoremi demo
 
+# But for the motors of `make cases`, so that CI takes less than 25 minutes.
 test: install
-	$(BIN)/python -m pytest -n $(WORKERS)
+	$(BIN)/python -m pytest -n $(WORKERS) -m 'not case'
 
 # While one works: without tests of half a second or more, browser and ngspice; about a minute on two cores.
 quick: install
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow'
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow and not case'
+
+# Motors that were once judged wrongly, each with a whole diagnosis; about ten minutes on two cores. Run it after a change of diagnosis or fit.
+cases: install
+	$(BIN)/python -m pytest -n $(WORKERS) -m case
 
 lint: install
 	$(BIN)/ruff check .

@@ -23,7 +23,7 @@ def declared_ideal(seed: int, effects: tuple[str, ...] = ()) -> list[ImpedanceSw
     return [ImpedanceSweep("short", FREQUENCY_HZ, analyser.measure("short", FREQUENCY_HZ, true), metadata={"analyser": "none"}) for _ in range(3)]
 
 
-@pytest.mark.parametrize(("seed", "hidden"), [(1, "core-loss"), (2, "insulation-leakage@Ca")])
+@pytest.mark.parametrize(("seed", "hidden"), [(1, "core-loss"), pytest.param(2, "insulation-leakage@Ca", marks=pytest.mark.case)])
 def test_a_real_analysers_errors_are_not_taken_for_the_motors(seed, hidden):
     """Both are told from each other by little; a relaxing permeability bends to what either and the analyser's errors make together."""
     with seeking({*FEW, "permeability-relaxation", "proximity-effect", "second-resonance", "field-coupling"}):
@@ -51,6 +51,7 @@ def test_an_ideal_analyser_is_believed_where_it_is_one():
     assert "core-loss" in {*found.effects, *(one for family in found.families for one in family)}
 
 
+@pytest.mark.case
 def test_a_cable_of_nearly_the_law_of_the_catalogue_does_not_make_the_declaration_wrong():
     """One metre of 95 ohm, whose impedance is real although it has losses: the catalogue's has the reactance that belongs to them."""
     rng = np.random.default_rng(4)

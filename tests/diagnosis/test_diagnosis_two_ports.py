@@ -97,8 +97,10 @@ def diagnosed(folder, fixture, seed, effects=(), analyser="unknown", strays=SOUN
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("fixture", ["series-through", "shunt-through"])
+@pytest.mark.parametrize(
+    ("fixture", "seed"),
+    [("series-through", 1), *(pytest.param(*one, marks=pytest.mark.case) for one in (("series-through", 2), ("shunt-through", 1), ("shunt-through", 2)))],
+)
 def test_a_healthy_motor_is_adequate(tmp_path, fixture, seed):
     found = diagnosed(tmp_path, fixture, seed)
     assert (found.verdict, found.effects) == ("adequate", ())
@@ -106,7 +108,7 @@ def test_a_healthy_motor_is_adequate(tmp_path, fixture, seed):
 
 # Of eight motors in each fixture most leave a family after a search of pairs, which takes eight times as long.
 @pytest.mark.slow
-@pytest.mark.parametrize(("fixture", "seed"), [("series-through", 4), ("shunt-through", 6)])
+@pytest.mark.parametrize(("fixture", "seed"), [pytest.param("series-through", 4, marks=pytest.mark.case), ("shunt-through", 6)])
 def test_a_hidden_effect_is_named(tmp_path, fixture, seed):
     found = diagnosed(tmp_path, fixture, seed, ("eddy-laminations",))
     assert found.verdict in ("missing-effect", "family")

@@ -81,7 +81,7 @@ def said(found: Diagnosis | None) -> set[str]:
     return set() if found is None else {finding.id for finding in found.findings}
 
 
-@pytest.mark.parametrize("hidden", [(), ("core-loss",)])
+@pytest.mark.parametrize("hidden", [(), pytest.param(("core-loss",), marks=pytest.mark.case)])
 def test_sweeps_that_overlap_in_part(hidden):
     found = answer(swept(5, {"short": grid(31, 150e3, 8e6), "open": grid(31, 1e6, 30e6)}, hidden), hidden)
     assert found is not None
@@ -201,7 +201,7 @@ def test_hold_on_the_command_line_is_held(tmp_path):
         assert isinstance(refused.exception, BadInput)
 
 
-@pytest.mark.parametrize(("longer", "seed"), [("open", 5), ("open", 6), ("short", 5)])
+@pytest.mark.parametrize(("longer", "seed"), [("open", 5), *(pytest.param(*one, marks=pytest.mark.case) for one in (("open", 6), ("short", 5)))])
 def test_leads_that_differ_between_the_sweeps_are_no_part_of_the_motor(longer, seed):
     """Two or three centimetres more in one sweep look like a short frame strap; what is blamed is the analyser and its connection."""
     sweeps = [
@@ -228,6 +228,7 @@ def test_of_a_strap_as_short_as_leads_the_report_says_so(strap_h, said):
     assert (found.confidence <= 0.7) == said
 
 
+@pytest.mark.case
 def test_a_layer_of_distributed_resistance_is_not_two_relaxations():
     laws, places = ("dielectric-relaxation", "insulation-leakage", "dielectric-loss"), ("Ca", "Cr", "Cf")
     with seeking({*FEW, *(f"{law}@{place}" for law in laws for place in places), "bearing-film", "brush-contact"}):
@@ -240,6 +241,7 @@ def test_a_layer_of_distributed_resistance_is_not_two_relaxations():
     assert any("not in the catalogue" in reason for reason in found.reasons)
 
 
+@pytest.mark.case
 def test_a_shorted_turn_of_thin_wire_is_named():
     """60 mm of wire of 0.2 mm: 33 mOhm and, without iron, 60 nH; a tenth of the winding's flux goes through it."""
     rng, frequency = np.random.default_rng(4), grid(201)
@@ -256,6 +258,7 @@ def test_a_shorted_turn_of_thin_wire_is_named():
     assert "shorted-turn" in {*found.effects, *(name for family in found.families for name in family)}
 
 
+@pytest.mark.case
 @pytest.mark.parametrize(("corner_hz", "skin_hz"), [(18e3, 182e3), (60e3, 2e6)])
 def test_a_sleeve_of_steel_around_the_rotor_is_not_told_from_a_shorted_turn(corner_hz: float, skin_hz: float) -> None:
     """Of 10 mm radius and 1 mm thickness, and of a thinner one: sheets through which the flux diffuses."""
@@ -274,6 +277,7 @@ def test_a_sleeve_of_steel_around_the_rotor_is_not_told_from_a_shorted_turn(corn
     assert {"shorted-turn", "rotor-cage"} <= set(found.families[0])
 
 
+@pytest.mark.case
 def test_a_cage_below_the_band_beside_a_leakage_is_found() -> None:
     """Skin effect and leakage describe the sweeps too, less well by 54 in log evidence: from their solution no start of a cage led to its own."""
     rng, frequency = np.random.default_rng(5), grid(201)
@@ -312,6 +316,7 @@ def test_a_wire_that_ties_the_far_end_is_told_as_part_of_the_setup(henry: float)
     assert found.best.parameters["far-end-tie.inductance_h"] == pytest.approx(henry, rel=0.05)
 
 
+@pytest.mark.case
 def test_names_from_sweeps_that_the_instrument_smoothed_are_not_sure() -> None:
     """A running mean over five points of three repeats each; a loss across the inductance."""
     rng, frequency = np.random.default_rng(9), grid(201)
@@ -331,6 +336,7 @@ def test_names_from_sweeps_that_the_instrument_smoothed_are_not_sure() -> None:
     assert "smoothing" in found.following["why"]
 
 
+@pytest.mark.case
 def test_a_contact_of_an_ohm_is_named_though_little_is_left():
     sweeps = [
         me.ImpedanceSweep(s.termination, s.frequency_hz, s.impedance_ohm + (1.0 if s.termination == "open" else 0))
@@ -343,6 +349,7 @@ def test_a_contact_of_an_ohm_is_named_though_little_is_left():
     assert found.verdict in ("instrument", "family")
 
 
+@pytest.mark.case
 def test_a_contact_in_both_sweeps_is_no_cell_and_no_lead():
     """Of 3 Ohm each, as of a worn test lead or a relay: a lead of so much resistance and no inductance is none."""
     found = answer([dataclasses.replace(s, impedance_ohm=s.impedance_ohm + 3.0) for s in swept(5, both(grid(401)))], ("contact-resistance",))
@@ -352,6 +359,7 @@ def test_a_contact_in_both_sweeps_is_no_cell_and_no_lead():
     assert [values[f"contact-resistance.{termination}_ohm"] for termination in ("open", "short")] == pytest.approx([3.0, 3.0], rel=0.05)
 
 
+@pytest.mark.case
 def test_two_suppressors_are_found_though_neither_alone_gains_anything():
     """Across the terminals and from one of them to the frame: each alone leaves more than half of the error."""
     with seeking({"suppressor-capacitor", "suppressor-capacitor@frame", "suppressor-capacitor@pair", "short-residual", "second-resonance"}):

@@ -54,6 +54,7 @@ def found(sweeps: list[me.ImpedanceSweep]) -> me.Diagnosis:
         return me.diagnose(me.fit(me.dc_motor(), sweeps))
 
 
+@pytest.mark.case
 @pytest.mark.slow
 def test_its_parts_are_shown_with_their_values_and_not_named(found: me.Diagnosis) -> None:
     assert (found.verdict, found.effects) == ("unexplained", ())
