@@ -92,6 +92,9 @@ CONTRADICTIONS = {
 TRIED_BESIDE = ("", "", ", nor do two of them", ", nor do two of them, nor a third beside the best two")
 # Number of searches for outliers, each without those found before.
 LOOKS = 3
+# Number of single effects of which one must describe all other points before a search without the outliers: they are as far from all models, so
+# that the order of these changes little.
+LIKELIEST = 4
 # Sets of effects that are listed.
 LISTED = 12
 # Resonances of a winding that are missing cost more than this.
@@ -344,7 +347,7 @@ def _cleaned(fit: Fit, first: Judgement, progress: Progress | None, each: Map) -
     """
     if first.model.done and not first.model.unusual:
         return first
-    return _without_outliers(fit, fit, progress, each) or _without_outliers(fit, first.best.fit, progress, each) or first
+    return _without_outliers(fit, fit, first, progress, each) or _without_outliers(fit, first.best.fit, first, progress, each) or first
 
 
 def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map) -> Declared:
@@ -392,7 +395,7 @@ def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
     return None if all(p.usual is None or model.fit.parameters[p.name] <= p.usual[1] for p in frame) else same
 
 
-def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: Map) -> Judgement | None:
+def _without_outliers(fit: Fit, seen_by: Fit, first: Judgement, progress: Progress | None, each: Map) -> Judgement | None:
     """The judgement without outliers.
 
     None if there are none, if no model describes all other points, or if that model also describes the outliers: then the first model was
@@ -407,7 +410,7 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
             break
         cleaned = cleaned.with_outliers(points)
         base = fit_again(fit.motor, cleaned, seed=fit.seed, bounds=fit.bounds, held=fit.held)
-    if cleaned is fit.measurement:
+    if cleaned is fit.measurement or not _one_describes(first, cleaned):
         return None
     found = judge(base, progress, ONE_EFFECT, each)
     if not (found.accepted and found.model.done):
@@ -415,6 +418,16 @@ def _without_outliers(fit: Fit, seen_by: Fit, progress: Progress | None, each: M
     model = found.model.fit
     everything = arrived_on_all(Task(model.motor, fit.measurement, model.bounds, model.held), [{**model.parameters, **model.nuisance}])
     return None if everything.marginal.nothing_left >= 0.5 else found
+
+
+def _one_describes(first: Judgement, cleaned: Measurement) -> bool:
+    """Whether the base or one of the most probable single effects describes all points that are no outliers: else a new search is in vain."""
+    likeliest = sorted((one for key, one in first.found.items() if len(key) == 1), key=lambda one: -one.score)[:LIKELIEST]
+    for model in (first.base, *(one.fit for one in likeliest)):
+        task = Task(model.motor, cleaned, model.bounds, model.held)
+        if arrived_on_all(task, [{**model.parameters, **model.nuisance}]).marginal.nothing_left >= 0.5:
+            return True
+    return False
 
 
 def _findings(fit: Fit, declared: Declared, left: Remainder | None, each: Map = map) -> tuple[Finding, ...]:
