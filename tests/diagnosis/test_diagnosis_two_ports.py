@@ -99,7 +99,10 @@ def diagnosed(folder, fixture, seed, effects=(), analyser="unknown", strays=SOUN
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fixture", "seed"),
-    [("series-through", 1), *(pytest.param(*one, marks=pytest.mark.case) for one in (("series-through", 2), ("shunt-through", 1), ("shunt-through", 2)))],
+    [
+        ("series-through", 1),
+        *(pytest.param(*one, marks=pytest.mark.case) for one in (("series-through", 2), ("shunt-through", 1), ("shunt-through", 2))),
+    ],
 )
 def test_a_healthy_motor_is_adequate(tmp_path, fixture, seed):
     found = diagnosed(tmp_path, fixture, seed)

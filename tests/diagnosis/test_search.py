@@ -19,6 +19,7 @@ import motoremi as me
 from motoremi.blind.departures import HardCase
 from motoremi.diagnosis import motor_board
 from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
+from motoremi.diagnosis.candidates import candidate
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
 from motoremi.fitting.fit import trail_to
 from motoremi.fitting.race import Raced, Round, Rounds, Trail, race
@@ -345,7 +346,9 @@ def test_where_the_leaders_of_a_race_are_less_likely_than_no_effect_the_others_a
 
     monkeypatch.setattr(motor_board, "race", raced)
     monkeypatch.setattr(motor_board, "on_all_points", fitted)
-    monkeypatch.setattr(motor_board, "candidate", lambda fit, base: SimpleNamespace(fit=fit, done=False, leaves_nothing=False, exchanged=False))
+    monkeypatch.setattr(
+        motor_board, "candidate", lambda fit, base: SimpleNamespace(fit=fit, done=False, leaves_nothing=False, exchanged=False, left_share=1.0)
+    )
     monkeypatch.setattr(motor_board, "counted", lambda trail, **_: trail)
     monkeypatch.setattr(motor_board, "left_behind", lambda *_: {})
     board = motor_board.MotorBoard(base)
@@ -383,6 +386,24 @@ def test_pairs_without_the_best_effect_are_compared_only_if_that_leaves_much(mea
     assert all(best.effect in one.added for one in pairs)
     assert bool(compared) == all_pairs
     assert (best.left_share > motor_board.MOST_LEFT) == all_pairs
+
+
+@pytest.mark.slow
+def test_of_two_lines_either_is_swapped_though_they_have_one_share_of_the_capacitance():
+    """A healthy motor ended with a traceback: `winding-sections.share` was unknown once the other line was gone."""
+    frequency, rng = np.geomspace(150e3, 30e6, 61), np.random.default_rng(3)
+    sweeps = [
+        me.ImpedanceSweep(name, frequency, impedance(DAMPED, name, frequency) * (1 + 1e-3 * complex_normal(rng, 61))) for name in ("short", "open")
+    ]
+    base = me.fit(me.dc_motor(), sweeps)
+    lines = ("distributed-winding", "winding-sections")
+    both = base.add(lines[0]).add(lines[1])
+    assert "winding-sections.share" not in both.parameters
+    with seeking({"lead-inductance", "winding-modes"}):
+        board = motor_board.MotorBoard(base)
+        for gone, kept in (lines, lines[::-1]):
+            found = board.swapped(candidate(both, base), gone, "lead-inductance")
+            assert {one.added for one in found} <= {(kept, "lead-inductance")}
 
 
 def test_an_effect_at_places_where_it_is_the_same_circuit_is_refitted_once():

@@ -303,14 +303,20 @@ class MotorBoard:
         return [candidate(fit, self._base) for fit in self._each(on_all_points, jobs)]
 
     def _without(self, fit: Fit, effect: str) -> Fit:
-        """A fit without one of its effects, not refitted, as start values; error sizes are those of the base."""
+        """A fit without one of its effects, not refitted, as start values; error sizes are those of the base.
+
+        What it shared with another one (two lines have the same share of the capacitance to the frame) keeps its value.
+        """
         task = task_without(fit, effect)
-        names = {parameter.name for parameter in task.motor.parameters}
+        names = {parameter.name: parameter for parameter in task.motor.parameters}
+        used = set().union(*(task.motor.used_parameters(termination) for termination in fit.measurement.terminations))
+        shared = {name: f"{effect}.{name.rpartition('.')[2]}" for name in used - fit.parameters.keys()}
+        kept = {name: fit.parameters.get(other, names[name].middle) for name, other in shared.items()}
         return dataclasses.replace(
             fit,
             motor=task.motor,
             sizes=self._base.sizes,
-            parameters={name: value for name, value in fit.parameters.items() if name in names},
+            parameters={**{name: value for name, value in fit.parameters.items() if name in names}, **kept},
             search_parameters={name: value for name, value in fit.search_parameters.items() if name in names},
             likeliest_parameters={name: value for name, value in fit.likeliest_parameters.items() if name in names},
             held=task.held,
