@@ -32,15 +32,16 @@ FORCE:
 demo: install
 	$(BIN)/motoremi demo
 
-# But for the motors of `make cases`, so that CI takes less than 25 minutes.
+# Without the motors of `make cases`: CI, which runs it, is to take less than 25 minutes.
 test: install
 	$(BIN)/python -m pytest -n $(WORKERS) -m 'not case'
 
 # While one works: without tests of half a second or more, browser and ngspice; about a minute on two cores.
 quick: install
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow and not case'
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow'
 
-# Motors that were once judged wrongly, each with a whole diagnosis; about ten minutes on two cores. Run it after a change of diagnosis or fit.
+# Whole diagnoses of single motors that were once judged wrongly, or are one more of a kind in `make test`; less than ten minutes on two cores. Run it
+# after a change of diagnosis or fit.
 cases: install
 	$(BIN)/python -m pytest -n $(WORKERS) -m case
 

@@ -389,6 +389,27 @@ def test_pairs_without_the_best_effect_are_compared_only_if_that_leaves_much(mea
 
 
 @pytest.mark.slow
+def test_pairs_are_compared_beside_single_effects_that_are_more_probable_than_none(measure, monkeypatch):
+    """Of a motor without a hidden effect every single one leaves little, and pairs beside all of them took a hundred seconds."""
+    with seeking():
+        board = motor_board.MotorBoard(me.fit(me.dc_motor(), measure(31)[0]))
+        found = {key_of(one): one for one in (board.start(), *board.sets(1, {(): board.start()}, None))}
+        compared: set[Key] = set()
+
+        def raced(trails: Mapping[Key, Trail], *_: object) -> Raced[Key]:
+            compared.update(trails)
+            return Raced({}, {})
+
+        monkeypatch.setattr(motor_board, "race", raced)
+        list(board.sets(2, found, None))
+    singles = sorted((one for key, one in found.items() if key), key=lambda one: -one.score)
+    improbable = {one.effect for one in singles[1:] if one.score <= found[()].score}
+    assert improbable
+    assert compared
+    assert {first for first, _ in compared}.isdisjoint(improbable)
+
+
+@pytest.mark.slow
 def test_of_two_lines_either_is_swapped_though_they_have_one_share_of_the_capacitance():
     """A healthy motor ended with a traceback: `winding-sections.share` was unknown once the other line was gone."""
     frequency, rng = np.geomspace(150e3, 30e6, 61), np.random.default_rng(3)

@@ -15,7 +15,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE, after_verdict
 from motoremi.diagnosis.candidates import Candidate, changed_elements, large_elements, possible_effects
 from motoremi.diagnosis.declared import Declared, likeliest
-from motoremi.diagnosis.explore import Key, best_of
+from motoremi.diagnosis.explore import Key, best_of, ranked
 from motoremi.diagnosis.findings import (
     Finding,
     exchanged_in,
@@ -56,7 +56,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.fit import MODES
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Task, arrived_on_all
+from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, arrived_on_all
 from motoremi.given import refuse_other
 from motoremi.inspection.compare import compare
 from motoremi.inspection.unexplained import Remainder, remainder
@@ -92,8 +92,8 @@ CONTRADICTIONS = {
 TRIED_BESIDE = ("", "", ", nor do two of them", ", nor do two of them, nor a third beside the best two")
 # Number of searches for outliers, each without those found before.
 LOOKS = 3
-# Number of single effects of which one must describe all other points before a search without the outliers: they are as far from all models, so
-# that the order of these changes little.
+# A new search without the outliers is made only if the base or one of so many single effects, the most probable ones, describes all other points.
+# The outliers are as far from all smooth models, so they hardly change which of these are the most probable.
 LIKELIEST = 4
 # Sets of effects that are listed.
 LISTED = 12
@@ -324,7 +324,7 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
                 return _informed(Searched(fit, alone), fit.measurement, each)
         first = judge(fit, search, each=each)
         under_others, last = part(progress, AGAIN, TOGETHER), part(progress, TOGETHER, 1.0)
-        declared = likeliest(_cleaned(fit, first, again, each), under_others, each)
+        declared = likeliest(_cleaned(first, again, each), under_others, each)
         declared = _with_whole_machine(declared, last, each)
         return _informed(Searched(fit, declared), fit.measurement, each)
 
@@ -340,14 +340,14 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, against), searched=searched)
 
 
-def _cleaned(fit: Fit, first: Judgement, progress: Progress | None, each: Map) -> Judgement:
+def _cleaned(first: Judgement, progress: Progress | None, each: Map) -> Judgement:
     """The judgement without outliers, if there are any; `first` otherwise.
 
     A point is an outlier only if no effect with usual values describes it too; a resonance narrower than the point spacing fits any single point.
     """
     if first.model.done and not first.model.unusual:
         return first
-    return _without_outliers(fit, fit, first, progress, each) or _without_outliers(fit, first.best.fit, first, progress, each) or first
+    return _without_outliers(first, first.base, progress, each) or _without_outliers(first, first.best.fit, progress, each) or first
 
 
 def _with_whole_machine(declared: Declared, progress: Progress | None, each: Map) -> Declared:
@@ -395,12 +395,13 @@ def twice_in(measurement: Measurement, judgement: Judgement) -> Finding | None:
     return None if all(p.usual is None or model.fit.parameters[p.name] <= p.usual[1] for p in frame) else same
 
 
-def _without_outliers(fit: Fit, seen_by: Fit, first: Judgement, progress: Progress | None, each: Map) -> Judgement | None:
+def _without_outliers(first: Judgement, seen_by: Fit, progress: Progress | None, each: Map) -> Judgement | None:
     """The judgement without outliers.
 
     None if there are none, if no model describes all other points, or if that model also describes the outliers: then the first model was
     incomplete.
     """
+    fit = first.base
     base, cleaned = seen_by, fit.measurement
     # From the base this is repeated, since the worst outliers hide others; from a model with effects it is not, since the refit of the base would
     # mark what the base lacks.
@@ -410,24 +411,19 @@ def _without_outliers(fit: Fit, seen_by: Fit, first: Judgement, progress: Progre
             break
         cleaned = cleaned.with_outliers(points)
         base = fit_again(fit.motor, cleaned, seed=fit.seed, bounds=fit.bounds, held=fit.held)
-    if cleaned is fit.measurement or not _one_describes(first, cleaned):
+    likeliest_singles = [one.fit for one in ranked(first.found, 1)[:LIKELIEST]]
+    if cleaned is fit.measurement or not any(_describes(one, cleaned) for one in (fit, *likeliest_singles)):
         return None
     found = judge(base, progress, ONE_EFFECT, each)
     if not (found.accepted and found.model.done):
         return None
-    model = found.model.fit
-    everything = arrived_on_all(Task(model.motor, fit.measurement, model.bounds, model.held), [{**model.parameters, **model.nuisance}])
-    return None if everything.marginal.nothing_left >= 0.5 else found
+    return None if _describes(found.model.fit, fit.measurement) else found
 
 
-def _one_describes(first: Judgement, cleaned: Measurement) -> bool:
-    """Whether the base or one of the most probable single effects describes all points that are no outliers: else a new search is in vain."""
-    likeliest = sorted((one for key, one in first.found.items() if len(key) == 1), key=lambda one: -one.score)[:LIKELIEST]
-    for model in (first.base, *(one.fit for one in likeliest)):
-        task = Task(model.motor, cleaned, model.bounds, model.held)
-        if arrived_on_all(task, [{**model.parameters, **model.nuisance}]).marginal.nothing_left >= 0.5:
-            return True
-    return False
+def _describes(fit: Fit, measurement: Measurement) -> bool:
+    """Whether the circuit of a fit, from its solution, describes another set of points of the same sweeps: nothing is left of them."""
+    task = dataclasses.replace(fit.task, measurement=measurement)
+    return arrived_on_all(task, [{**fit.parameters, **fit.nuisance}]).marginal.nothing_left >= 0.5
 
 
 def _findings(fit: Fit, declared: Declared, left: Remainder | None, each: Map = map) -> tuple[Finding, ...]:

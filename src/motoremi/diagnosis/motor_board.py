@@ -19,7 +19,7 @@ from motoremi.diagnosis.candidates import (
 )
 from motoremi.diagnosis.explore import Key, ranked
 from motoremi.fitting.beside import Pairs
-from motoremi.fitting.fit import counted, counted_near, on_all_points, parts_of, task_without, trail_to
+from motoremi.fitting.fit import counted, counted_near, on_all_points, parts_of, task_without, trail_to, values_without
 from motoremi.fitting.race import (
     ALIKE_ARRIVING,
     ARRIVING,
@@ -49,6 +49,7 @@ from motoremi.workers import Map
 Name = TypeVar("Name", bound=Hashable)
 # Share of the error that the best single effect may leave for only pairs with it to be compared. On two hard boards (seeds 26113301, 26113402)
 # pairs were searched 25 times; the best one contained the best single effect in all 11 searches in which that left less than 8 %, and in 11 others.
+# If an effect with usual values leaves so little, the number of parts of another one is not counted either.
 MOST_LEFT = 0.05
 # The same if no more than this is missing in all: less than what one sees on a plot, or than most analysers err.
 SLIGHT_PERCENT = 0.2
@@ -120,8 +121,9 @@ class MotorBoard:
             leading, near = {**leading, **following}, near + self._refitted(trails, following)
         if size == 1 and not any(one.leaves_nothing and one.fit.instrument_sigma <= SPECIFIED_SIGMA for one in near):
             behind = {key: trail for key, trail in trails.items() if key not in solutions}
-            nearly = any(one.left_share <= MOST_LEFT and one.ordinary for one in near)
-            with_parts, again = ({}, {}) if nearly else self._counted()
+            # Counting parts takes as long as the race of all single effects; it is of use only if another number of parts may be what is missing.
+            nearly_described = any(one.left_share <= MOST_LEFT and one.ordinary for one in near)
+            with_parts, again = ({}, {}) if nearly_described else self._counted()
             again |= left_behind(behind, {key: self._reached[key[-1]] for key in behind}, self._each)
             trails, solutions = {**trails, **with_parts}, _likeliest_orders([{**solutions, **again}])
             further = self._near_best(size, again)
@@ -165,10 +167,7 @@ class MotorBoard:
         return self._refitted(trails, dict(zip(trails, self._each(raced_alone, trails.values()), strict=True)))
 
     def _counted(self) -> tuple[Mapping[Key, Trail], dict[Key, Solution]]:
-        """The race of effects with a number of parts, if more steps find another number than the brief choice did.
-
-        It takes half as long as all single effects, so it is left out where one of them describes nearly everything.
-        """
+        """The race of effects with a number of parts, if more steps find another number than the brief choice did."""
         again = {name: counted(trail, each=self._each) for name, trail in self._alone.items()}
         return self._singles({name: trail for name, trail in again.items() if trail.task.held != self._alone[name].task.held})
 
@@ -303,20 +302,14 @@ class MotorBoard:
         return [candidate(fit, self._base) for fit in self._each(on_all_points, jobs)]
 
     def _without(self, fit: Fit, effect: str) -> Fit:
-        """A fit without one of its effects, not refitted, as start values; error sizes are those of the base.
-
-        What it shared with another one (two lines have the same share of the capacitance to the frame) keeps its value.
-        """
+        """A fit without one of its effects, not refitted, as start values; error sizes are those of the base."""
         task = task_without(fit, effect)
-        names = {parameter.name: parameter for parameter in task.motor.parameters}
-        used = set().union(*(task.motor.used_parameters(termination) for termination in fit.measurement.terminations))
-        shared = {name: f"{effect}.{name.rpartition('.')[2]}" for name in used - fit.parameters.keys()}
-        kept = {name: fit.parameters.get(other, names[name].middle) for name, other in shared.items()}
+        names = {parameter.name for parameter in task.motor.parameters}
         return dataclasses.replace(
             fit,
             motor=task.motor,
             sizes=self._base.sizes,
-            parameters={**{name: value for name, value in fit.parameters.items() if name in names}, **kept},
+            parameters=values_without(fit, task.motor),
             search_parameters={name: value for name, value in fit.search_parameters.items() if name in names},
             likeliest_parameters={name: value for name, value in fit.likeliest_parameters.items() if name in names},
             held=task.held,

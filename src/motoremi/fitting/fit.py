@@ -135,7 +135,7 @@ def fit(
     paper_names = {p.name for p in BASE_PARAMETERS}
     base_bounds = {n: b for n, b in limits.items() if n in paper_names}
     base_held = {n: v for n, v in fixed.items() if n in paper_names}
-    if set().union(*(base.used_parameters(t) for t in measurement.terminations)) <= base_held.keys():
+    if base.used_parameters(*measurement.terminations) <= base_held.keys():
         raise BadInput("all elements that these sweeps show are held, so nothing is left to fit: leave one of them free")
     task = Task(base, measurement, base_bounds, base_held)
     result = _by_the_paper(task, seed) if method == "paper" else _by_ants(task, seed, progress)
@@ -598,11 +598,23 @@ def task_without(before: Fit, gone: str) -> Task:
     )
 
 
+def values_without(before: Fit, motor: Motor) -> dict[str, float]:
+    """Values of a fit for a motor with one effect less, in SI units by name.
+
+    Two lines have one share of the capacitance to the frame, a parameter of the first one: it keeps its value if only the other one is left. Any
+    other parameter that the fit does not have is in the middle of its range.
+    """
+    used = motor.used_parameters(*before.measurement.terminations)
+    values = dict(before.parameters)
+    if motor.distribution is not None and before.motor.distribution is not None:
+        values[motor.distribution.name] = values[before.motor.distribution.name]
+    return {p.name: values.get(p.name, p.middle) for p in motor.parameters if p.name in used}
+
+
 def trail_without(before: Fit, gone: str) -> Trail:
     """Start values of a fit with one effect less."""
     task = task_without(before, gone)
-    names = {p.name for p in task.motor.parameters}
-    own = {name: value for name, value in before.parameters.items() if name in names}
+    own = values_without(before, task.motor)
     bases = [own, *({**own, **base} for base in base_starts(own, before.measurement.coarse, few=False))]
     # Without the effect the discrepancy is larger, by an unknown amount.
     return Trail(task, bases, len(bases), Sizes(1.0, before.sizes.declared))

@@ -154,7 +154,7 @@ class Problem:
         self._least_share = least_share
         self.bounds, self.held = dict(bounds or {}), dict(held or {})
         analyser = measurement.analyser
-        used = set().union(*(motor.used_parameters(t) for t in measurement.terminations))
+        used = motor.used_parameters(*measurement.terminations)
         parameters = [p for p in motor.parameters if p.name in used]
         self.everything: tuple[Parameter, ...] = (*parameters, *self._nuisances())
         names = [p.name for p in self.everything]

@@ -237,9 +237,9 @@ class Motor:
                     seen.setdefault(parameter.name, parameter)
         return tuple(seen.values())
 
-    def used_parameters(self, termination: str) -> set[str]:
-        """Names of the parameters that one termination depends on."""
-        return {p.name for node in walk(self.circuit(termination)) for p in node.own_parameters}
+    def used_parameters(self, *terminations: str) -> set[str]:
+        """Names of the parameters that these terminations depend on."""
+        return {p.name for termination in terminations for node in walk(self.circuit(termination)) for p in node.own_parameters}
 
     def replaced(self, element: str, change: Callable[[Node], Node]) -> Motor:
         """The motor with one element, together with all laws of its material, changed wherever it occurs."""
