@@ -261,6 +261,14 @@ def test_pointing_leads_from_the_model_to_the_measurement(at):
     assert np.mean(error_percent**2) < 0.01 * np.mean(np.array(drawn[2]["series"][0]["values"]) ** 2)
 
 
+def test_a_preview_asked_of_a_ladder_that_has_moved_is_no_error(at):
+    """The page asks with the ladder that it shows; an effect added meanwhile cannot be previewed once more."""
+    shown = at("/story")["standing"]
+    at("/add", effect="eddy-laminations")
+    assert at(f"/look?effect=eddy-laminations&standing={shown}") == {"superseded": True}
+    assert "in the model already" in at("/look?effect=eddy-laminations")["error"]
+
+
 def test_a_session_read_just_before_it_is_closed_is_complete_afterwards(tmp_path):
     folder = make_session(tmp_path / "one")
     manifest = (folder / MANIFEST).read_bytes()

@@ -101,7 +101,11 @@ class Ladder(ABC, Generic[F]):
     def prepared(self, effect: str) -> F:
         """The current model with one more effect, fitted; kept, so that adding the effect afterwards is immediate."""
         with self._turn:
-            key, before = (self.standing, effect), self.top
+            stands, before = self.standing, self.top
+        return self._prepared_on(stands, before, effect)
+
+    def _prepared_on(self, stands: str, before: F, effect: str) -> F:
+        key = (stands, effect)
         with self._keeping:
             making = self._making.setdefault(key, threading.Lock())
         # One lock for each fit: requests for the same effect wait, requests for others do not. `_turn` must not be taken inside it.
@@ -126,11 +130,15 @@ class Ladder(ABC, Generic[F]):
         for effect, fit in found:
             self._keep((standing, effect), fit)
 
-    def glance(self, effect: str) -> tuple[F, F] | None:
-        """The current model and the prepared one, for a preview; None if another preview was requested in the meantime."""
+    def glance(self, effect: str, shown: str | None = None) -> tuple[F, F] | None:
+        """The current and the prepared model, for a preview; None if the ladder is not the shown one or another preview was requested meanwhile."""
         self.looking = asked = object()
         with self.glancing:
-            return (self.top, self.prepared(effect)) if self.looking is asked else None
+            with self._turn:
+                stands, before = self.standing, self.top
+            if self.looking is not asked or shown not in (None, stands):
+                return None
+            return before, self._prepared_on(stands, before, effect)
 
     def add(self, effect: str, shown: str | None = None, progress: Progress | None = None) -> tuple[F, F]:
         """Add an effect to the current model, as many times as the command would; return the models before and after."""

@@ -127,7 +127,13 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _get(session + "/panels", lambda request: story.panels(w.desk(request), request.query_params.get("of", ""), _band(request))),
         _get(
             session + "/look",
-            lambda request: story.look(w.desk(request), request.query_params.get("of", ""), request.query_params.get("effect", ""), _band(request)),
+            lambda request: story.look(
+                w.desk(request),
+                request.query_params.get("of", ""),
+                request.query_params.get("effect", ""),
+                request.query_params.get("standing"),
+                _band(request),
+            ),
         ),
         _get(session + "/inspect", lambda request: views.inspection(w.desk(request), request.query_params.get("element", ""), _band(request))),
         _get(session + "/next", lambda request: _next(w, request)),

@@ -297,10 +297,10 @@ def panels(desk: Desk, of: str, band_hz: Band | None) -> JsonDict:
     return {"panels": side(desk, of, band_hz).panels()}
 
 
-def look(desk: Desk, of: str, effect: str, band_hz: Band | None = None) -> JsonDict:
-    """A preview of an effect: the curves of the model with it, and the error before and after."""
+def look(desk: Desk, of: str, effect: str, shown: str | None = None, band_hz: Band | None = None) -> JsonDict:
+    """A preview of an effect: the curves of the model with it, and the error before and after; superseded if the ladder is not the shown one."""
     chosen = side(desk, of, band_hz)
-    glanced = chosen.ladder.glance(effect)
+    glanced = chosen.ladder.glance(effect, shown)
     if glanced is None:
         return {"superseded": True}
     now, after = glanced

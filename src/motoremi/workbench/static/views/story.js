@@ -287,7 +287,7 @@ async function look(place, effect) {
   const { span } = place;
   let data;
   try {
-    data = await get(within(sessionPath(place.page.session, `/look?of=${place.data.of}&effect=${encodeURIComponent(effect)}`), span));
+    data = await get(within(sessionPath(place.page.session, `/look?of=${place.data.of}&effect=${encodeURIComponent(effect)}&standing=${place.data.standing}`), span));
   } catch (trouble) {
     place.trouble = `${effect}: ${trouble.message}`;
   }
@@ -324,7 +324,7 @@ async function turn(place, of) {
   await place.page.redraw(true);
 }
 
-// Do one change and show the new error at once, then the rest. A second click during a change is ignored.
+// Do one change and show the new error at once, then the rest. A second click is ignored during a change and until its result is shown.
 async function act(place, what, body = {}) {
   if (place.acting) return;
   clearTimeout(place.resting);
@@ -332,10 +332,18 @@ async function act(place, what, body = {}) {
   const { page, data } = place, added = place.hint.contains(document.activeElement) && body.effect, stepped = place.steps.contains(document.activeElement);
   place.acting = true;
   const done = await page.work(`${DOING[what]}${body.effect ? ` ${body.effect}` : ""}`, () => post(sessionPath(page.session, `/${what}`), { ...body, of: data.of, standing: data.standing }));
-  if (done?.after) say(place, `error ${written(data, done.before.error)} → ${written(data, done.after.error)}`);
-  if (done && done.after) place.pointed = "";
+  if (!done) {
+    // Cancelled or refused: what is shown stands.
+    place.acting = false;
+    await read(place);
+    return;
+  }
+  if (done.after) {
+    say(place, `error ${written(data, done.before.error)} → ${written(data, done.after.error)}`);
+    place.pointed = "";
+  }
   await read(place);
-  if (done && !done.after) say(place, ...outcomeOf(place, what, done));
+  if (!done.after) say(place, ...outcomeOf(place, what, done));
   if (what === "diagnose") suggest(place);
   // The button that had the focus may no longer exist.
   if (added) place.list.querySelector(`[data-effect="${CSS.escape(added)}"]`)?.focus();
