@@ -148,6 +148,8 @@ class SweepBlocks:
         Variance along each at a discrepancy of one.
     analyser : ndarray, shape (n, r)
         Columns of the analyser's errors, weighted, at the declared size.
+    sweeps : tuple of slice
+        The points of each sweep.
     """
 
     sigma: FloatArray
@@ -156,6 +158,7 @@ class SweepBlocks:
     spread: ComplexArray
     strengths: FloatArray
     analyser: ComplexArray
+    sweeps: tuple[slice, ...]
 
     def shares(self, discrepancy: FloatArray) -> FloatArray:
         """Share of the variance along each direction that is discrepancy, shape (..., q)."""
@@ -197,6 +200,27 @@ class Whitening:
         factor = np.linalg.cholesky(np.eye(columns.shape[1]) + self.declared * (blocks.analyser.conj().T @ columns))
         return np.concatenate([own, np.linalg.solve(factor, columns.conj().T).conj().T], axis=1)
 
+    @cached_property
+    def adjoints(self) -> Callable[..., tuple[tuple[slice, ComplexArray], ...]]:
+        """(size of the discrepancy, least share) -> D* in parts, each with the points at which it is not zero.
+
+        Most directions are those of one sweep, the others go through all. D D* is that of `directions`, but no part has more directions than points:
+        noise and discrepancy of a sweep may have that many each.
+        """
+        return lru_cache(KEPT)(self._adjoints)
+
+    @one_blas_thread
+    def _adjoints(self, discrepancy: float, least_share: float) -> tuple[tuple[slice, ComplexArray], ...]:
+        adjoint, parts = self.directions(discrepancy, least_share).conj(), []
+        for points in self.blocks.sweeps:
+            elsewhere = np.ones(len(adjoint), dtype=np.bool_)
+            elsewhere[points] = False
+            own = ~adjoint[elsewhere].any(axis=0)
+            parts.append((points, _square(adjoint[points, own])))
+            adjoint = adjoint[:, ~own]
+        parts.append((slice(None), np.ascontiguousarray(adjoint)))
+        return tuple((points, part) for points, part in parts if part.shape[1])
+
     def with_analyser(self, products: ComplexArray, count: int) -> tuple[ComplexArray, FloatArray]:
         """From `SweepBlocks.products`, the products of the first `count` rows under the whole covariance, and ln det of the analyser's addition.
 
@@ -223,6 +247,14 @@ def _with_less_noise(part: Part, quantity: Quantity) -> ComplexArray:
     return by_parabolas(quantity.coefficient_of(part.impedance_ohm), white)[part.chosen]
 
 
+def _square(columns: ComplexArray) -> ComplexArray:
+    """Columns B with the same B B*, no more of them than rows."""
+    if columns.shape[1] <= columns.shape[0]:
+        return np.ascontiguousarray(columns)
+    triangle: ComplexArray = np.asarray(np.linalg.qr(columns.conj().T, mode="r"))
+    return np.ascontiguousarray(triangle.conj().T)
+
+
 def orthonormal(directions: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     """Orthonormal directions, shape (n, p), and the share 0 .. 1 of each, for D of an inverse covariance 1 - D D*."""
     variances, vectors = np.linalg.eigh(directions.conj().T @ directions)
@@ -233,10 +265,11 @@ def orthonormal(directions: ComplexArray) -> tuple[ComplexArray, FloatArray]:
 @one_blas_thread
 def _sweep_blocks(columns: Columns) -> SweepBlocks:
     weight = 1 / columns.sigma
-    fixed, shares, spread, strengths = [], [], [], []
+    fixed, shares, spread, strengths, sweeps = [], [], [], [], []
     first = 0
     for known, discrepancy in zip(columns.known_of, columns.discrepancy_of, strict=True):
-        own = weight[first : first + len(known), None]
+        sweeps.append(slice(first, first + len(known)))
+        own = weight[sweeps[-1], None]
         first += len(known)
         checkpoint()
         directions, variances = directions_of(known * own, LEAST_SHARE)
@@ -256,6 +289,7 @@ def _sweep_blocks(columns: Columns) -> SweepBlocks:
         _blocks(spread),
         np.concatenate(strengths),
         columns.analyser * weight[:, None],
+        tuple(sweeps),
     )
 
 

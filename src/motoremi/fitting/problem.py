@@ -304,17 +304,9 @@ class Problem:
         return self.whitening.directions(self.sizes.discrepancy, self._least_share)
 
     @cached_property
-    def _adjoints(self) -> list[tuple[slice, ComplexArray]]:
-        """D* in parts, each with the points at which it is not zero: most directions are those of one sweep, the others go through all."""
-        adjoint, parts = self._directions.conj(), []
-        for points in self.observed.slices.values():
-            elsewhere = np.ones(self.size, dtype=np.bool_)
-            elsewhere[points] = False
-            own = ~adjoint[elsewhere].any(axis=0)
-            parts.append((points, np.ascontiguousarray(adjoint[points, own])))
-            adjoint = adjoint[:, ~own]
-        parts.append((slice(None), np.ascontiguousarray(adjoint)))
-        return [(points, part) for points, part in parts if part.shape[1]]
+    def _adjoints(self) -> tuple[tuple[slice, ComplexArray], ...]:
+        """D* in parts, each with the points at which it is not zero."""
+        return self.whitening.adjoints(self.sizes.discrepancy, self._least_share) if self.weights == "likelihood" else ()
 
     @property
     def whitening(self) -> Whitening:
