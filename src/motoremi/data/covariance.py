@@ -204,7 +204,7 @@ class Whitening:
     def adjoints(self) -> Callable[..., tuple[tuple[slice, ComplexArray], ...]]:
         """(size of the discrepancy, least share) -> D* in parts, each with the points at which it is not zero.
 
-        Most directions are those of one sweep, the others go through all. D D* is that of `directions`, but no part has more directions than points:
+        Most directions are those of one sweep, the others go through all. D D* is that of `directions`; no part has more directions than points:
         noise and discrepancy of a sweep may have that many each.
         """
         return lru_cache(KEPT)(self._adjoints)
