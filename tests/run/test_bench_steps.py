@@ -21,7 +21,7 @@ from motoremi.errors import BadInput, InstrumentError
 from motoremi.run.rehearsal import rehearse
 from motoremi.run.run_progress import RunProgress
 from motoremi.run.runner import run, start_document
-from motoremi.run.standards import judge_standard
+from motoremi.run.standards import judge_standard, wrong_standard
 from motoremi.schema.bench_file import BenchFile
 from motoremi.schema.keys import markdown, reference
 from motoremi.schema.procedure import load_procedure, parse_procedure, ready_procedures
@@ -289,3 +289,89 @@ def test_the_ready_procedures_are_listed(monkeypatch: pytest.MonkeyPatch, capsys
                 assert json.loads(out)["schema"].startswith("motoremi.procedure")
             else:
                 assert expected in out
+
+
+class MixedUp(SimulatedBench):
+    """The operator connects another standard than the one that is asked for; after a doubt the right one, or the other one again."""
+
+    def __init__(self, seed: int, instead: dict[str, Any], corrected: bool) -> None:
+        super().__init__(seed)
+        self._instead, self._corrected, self._asked, self.told = instead, corrected, "", []
+
+    def connect(self, what: Any) -> int:
+        self._asked = what
+        return super().connect(self._instead.get(what, what))
+
+    def answer(self, text: str) -> Any:
+        """The operator's answer to an instruction."""
+        self.told.append(text)
+        if "seems to be connected" in text and self._corrected:
+            super().connect(self._asked)
+        return "done"
+
+
+COMPENSATE = [{"do": "compensate", "standard": "open"}, {"do": "compensate", "standard": "short"}]
+
+
+@pytest.mark.parametrize("driver", ["4294a", "e4990a"])
+def test_exchanged_standards_are_noticed_and_measured_again(driver: str, tmp_path: Path) -> None:
+    bench = MixedUp(SEED, {"open-standard": "short-standard", "short-standard": "open-standard"}, corrected=True)
+    data = copy.deepcopy(with_steps(*COMPENSATE, SHORT).source)
+    data["instruments"]["analyser"]["driver"] = driver
+    procedure = parse_procedure(data, "test.toml")
+    writer = SessionWriter.create(tmp_path / "s", start_document(procedure, BENCH_FILE))
+    run(procedure, bench, writer, analyse=lambda *_: None, prompt=bench.answer)
+    bench.close()
+    wrong = [text for text in bench.told if "seems to be connected" in text]
+    assert [text.partition(" measured")[0] for text in wrong] == ["the open standard", "the short standard"]
+    assert "an open is above 100 ohm, so a short or a load seems to be connected. Connect the open standard." in wrong[0]
+    session = load(tmp_path / "s")
+    assert not [one for one in session.documents if one["kind"] == "doubt"]
+    assert len(session.sweeps) == 1
+
+
+def test_a_standard_that_stays_wrong_is_a_doubt_in_the_session(tmp_path: Path) -> None:
+    bench = MixedUp(SEED, {"short-standard": "open-standard"}, corrected=False)
+    procedure = with_steps(*COMPENSATE)
+    writer = SessionWriter.create(tmp_path / "s", start_document(procedure, BENCH_FILE))
+    run(procedure, bench, writer, analyse=lambda *_: None, prompt=bench.answer)
+    bench.close()
+    (doubt,) = [one for one in load(tmp_path / "s").documents if one["kind"] == "doubt"]
+    assert doubt["about"] == "standard"
+    assert "a short is below 100 ohm, so nothing or a load seems to be connected" in doubt["says"]
+
+
+def test_without_an_operator_a_wrong_standard_ends_the_run(tmp_path: Path, bench: SimulatedBench, monkeypatch: pytest.MonkeyPatch) -> None:
+    connect = bench.connect
+    monkeypatch.setattr(bench, "connect", lambda what: connect("short-standard" if what == "open-standard" else what))
+    procedure = with_steps(*COMPENSATE, SHORT)
+    writer = SessionWriter.create(tmp_path / "s", start_document(procedure, BENCH_FILE))
+    with pytest.raises(InstrumentError, match=r"the open standard measured .* connect the open standard and continue with --resume"):
+        run(procedure, bench, writer, analyse=lambda *_: None, prompt=lambda text: None)
+    assert load(tmp_path / "s").sweeps == ()
+
+
+F = np.geomspace(150e3, 30e6, 101)
+JOMEGA = 2j * np.pi * F
+
+
+@pytest.mark.parametrize(
+    ("standard", "measured", "nominal", "right"),
+    [
+        ("open", 1 / (1e-4 + JOMEGA * 100e-12), None, True),
+        ("short", 1 + JOMEGA * 1e-6, None, True),
+        ("short", 1 / (1e-4 + JOMEGA * 100e-12), None, False),
+        ("open", 1 + JOMEGA * 1e-6, None, False),
+        ("load", 51 + JOMEGA * 1e-6, 50.0, True),
+        ("load", 0.3 + JOMEGA * 0.1e-6, 50.0, False),
+        ("load", 1 / (JOMEGA * 3e-12), 100.0, False),
+        ("load", 1 / (1e-4 + JOMEGA * 100e-12), 1e5, True),
+    ],
+)
+def test_only_what_no_fixture_makes_of_a_standard_is_another_one(standard: Any, measured: Any, nominal: float | None, right: bool) -> None:
+    assert (wrong_standard(standard, ImpedanceSweep("open", F, measured), nominal) == "") is right
+
+
+def test_far_above_the_band_open_and_short_are_not_told_apart() -> None:
+    high_hz = F * 100
+    assert wrong_standard("open", ImpedanceSweep("open", high_hz, 1 / (2j * np.pi * high_hz * 200e-12))) == ""

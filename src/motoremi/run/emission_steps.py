@@ -50,7 +50,7 @@ class Running(Protocol):
     def receiver(self) -> EmiReceiver:
         """The bench's receiver."""
 
-    def ask(self, text: str) -> None:
+    def ask(self, text: str) -> bool:
         """Show the operator an instruction."""
 
 

@@ -25,7 +25,7 @@ from motoremi.run.emission_steps import EmissionSteps
 from motoremi.run.motor_state import MotorState, refuse_missing
 from motoremi.run.on_bench import shared_roles
 from motoremi.run.resume import Done
-from motoremi.run.standards import judge_standard
+from motoremi.run.standards import judge_standard, wrong_standard
 from motoremi.run.writer import Writer
 from motoremi.schema.procedure import Planned, Procedure
 from motoremi.schema.procedure_steps import AnalysisStep, Check, Compensate, Connect, Final, Identify, Scan, Sweep, Wait
@@ -147,11 +147,22 @@ class Execution:
         analyser = self._analyser()
         if step.nominal is not None:
             analyser.define_load(step.nominal, step.inductance)
+        kept, wrong = self._standard_measured(analyser, step)
+        if wrong:
+            if not self.ask(f"{wrong}. Connect the {step.standard} standard. It is then measured again."):
+                raise NotDone(f"{wrong}; this compensation was not used: connect the {step.standard} standard and continue with --resume")
+            kept, wrong = self._standard_measured(analyser, step)
+        if kept is not None:
+            self.writer.add_compensation(step.standard, kept)
+        if wrong:
+            self.writer.emit("doubt", about="standard", says=wrong)
+
+    def _standard_measured(self, analyser: ImpedanceAnalyser, step: Compensate) -> tuple[ImpedanceSweep | None, str]:
+        """What the analyser measured with a standard, and why it cannot be that standard."""
         analyser.compensate(step.standard)
         with _bad_data_as_instrument_error(analyser):
             kept = analyser.read_compensation(step.standard)
-        if kept is not None:
-            self.writer.add_compensation(step.standard, kept)
+        return kept, "" if kept is None else wrong_standard(step.standard, kept, step.nominal)
 
     def _check(self, planned: Planned, step: Check) -> None:
         connection = self.connect(STANDARDS[step.standard])
@@ -186,12 +197,12 @@ class Execution:
         self.verdicts.append(result)
         self.writer.emit("verdict", step=planned.number, do=planned.step.do, result=result)
 
-    def ask(self, text: str) -> None:
-        """Show the operator an instruction and record the answer; the run continues only after "done"."""
+    def ask(self, text: str) -> bool:
+        """Show the operator an instruction and record the answer; the run continues only after "done". False if there is no operator."""
         asked = datetime.now(UTC).isoformat()
         answer = self.prompt(text)
         if answer is None:
-            return
+            return False
         # Without the drawing, which repeats the text.
         self.writer.emit("prompt", text=text.partition("\n")[0], asked=asked, answer=answer)
         if answer == "stop":
@@ -200,6 +211,7 @@ class Execution:
             raise NotDone(
                 f"the operator answered 'not done' to: {text.partition(chr(10))[0]}; nothing was measured for this step, continue with --resume"
             )
+        return True
 
     def _wait(self, seconds: float) -> None:
         clock = self.bench.clock

@@ -40,7 +40,7 @@ class MotorState:
         Asks the operator; returns if the answer is "done", else raises.
     """
 
-    def __init__(self, emit: Callable[..., object], wait: Callable[[float], None], ask: Callable[[str], None]) -> None:
+    def __init__(self, emit: Callable[..., object], wait: Callable[[float], None], ask: Callable[[str], object]) -> None:
         self._emit = emit
         self._wait = wait
         self._ask = ask
