@@ -21,7 +21,6 @@ from motoremi.data.mislabelled import label_remarks
 from motoremi.data.repeats import UNLIKE
 from motoremi.data.session import Session, SessionWriter, StorageError, load, refuse_unfinished, reopen
 from motoremi.data.spectrum import Spectrum
-from motoremi.data.storage import KEPT_BEFORE
 from motoremi.data.sweep import ImpedanceSweep, checked_accuracy, group_repeats
 from motoremi.emission.limit import find_limit
 from motoremi.emission.observe import observations
@@ -80,7 +79,7 @@ def _whole_or_not_at_all(folder: Path, start: JsonDict) -> Iterator[SessionWrite
             raise
     except StorageError as error:
         # A note that the session could not be closed either would be of one that is no longer there.
-        raise StorageError(f"{str(error).removesuffix(KEPT_BEFORE)}; nothing is left of this import, repeat it when that is mended") from error
+        raise StorageError(error.what, "nothing is left of this import, repeat it when that is mended") from error
 
 
 def _remove(folder: Path, is_new: bool) -> None:

@@ -269,6 +269,19 @@ def test_a_preview_asked_of_a_ladder_that_has_moved_is_no_error(at):
     assert "in the model already" in at("/look?effect=eddy-laminations")["error"]
 
 
+def test_what_cannot_be_withdrawn_is_a_sentence(at):
+    names = [one["name"] for one in at("")["sweeps"]]
+    assert names[0] == "short-1"
+    assert "no sweep of the motor as it is would be left" in at("/withdraw", names=names, why="x")["error"]
+    assert "say why" in at("/withdraw", names=names[:1])["error"]
+    assert "no sweep or single value is called 'x'" in at("/withdraw", names=["x"], why="x")["error"]
+    assert "is not withdrawn" in at("/withdraw", names=names[:1], restore=True)["error"]
+    assert [one["name"] for one in at("")["sweeps"]] == names
+    assert at("/withdraw", names=names[:1], why="bad contact") == {"names": names[:1], "emptied_ladder": True}
+    assert at("")["withdrawn"] == [{"name": "short-1", "why": "bad contact"}]
+    assert [one["name"] for one in at("")["sweeps"]] == names[1:]
+
+
 def test_a_session_read_just_before_it_is_closed_is_complete_afterwards(tmp_path):
     folder = make_session(tmp_path / "one")
     manifest = (folder / MANIFEST).read_bytes()

@@ -234,3 +234,32 @@ def test_a_diagnosis_is_cancelled_and_leaves_the_session_as_it_was(browser, fitt
         expect(job).to_have_count(0)
         watched.close()
     assert contents(fitted) != before
+
+
+def test_a_sweep_is_withdrawn_with_a_reason_and_used_again(browser, fitted):
+    count = len(load(fitted).sweeps)
+    with served(bench_of(fitted.parent, fitted)) as address:
+        watched = Watched(browser, address)
+        page = watched.page
+        watched.see("session")
+        page.click("button[aria-label='Withdraw short-1']")
+        expect(page.locator("#withdraw")).to_contain_text("Why short-1 is not to be used")
+        expect(page.locator("#withdraw-why")).to_be_focused()
+        # Without a reason nothing is sent.
+        page.keyboard.press("Enter")
+        page.keyboard.type(ATTACKS[1])
+        assert findings(page) == []
+        page.keyboard.press("Enter")
+        again = page.locator("button[aria-label='Use short-1 again']")
+        expect(again).to_be_visible()
+        expect(page.locator("#trouble")).to_contain_text("fit this session again")
+        expect(page.locator("main")).to_contain_text(ATTACKS[1])
+        (one,) = load(fitted).withdrawn
+        assert (one["name"], one["why"]) == ("short-1", ATTACKS[1])
+        assert len(load(fitted).sweeps) == count - 1
+        assert load(fitted).ladder == []
+        assert verify(fitted) == []
+        again.click()
+        expect(page.locator("button[aria-label='Withdraw short-1']")).to_be_visible()
+        assert len(load(fitted).sweeps) == count
+        watched.close()

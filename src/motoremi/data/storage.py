@@ -14,14 +14,24 @@ from motoremi.errors import MotoremiError
 
 # Ending of the names of unfinished files, by which they are recognised after a crash.
 PENDING_SUFFIX = ".pending"
-# Ending of the message of a failed write.
-KEPT_BEFORE = "; what was stored before is kept"
 
 
 class StorageError(MotoremiError):
-    """A file could not be written, or another process is writing it; the stored content is unchanged."""
+    """A file could not be written, or another process is writing it; the stored content is unchanged.
+
+    Parameters
+    ----------
+    what : str
+        What failed.
+    and_now : str
+        What that means for what was stored before, if the message says so.
+    """
 
     exit_status = 2
+
+    def __init__(self, what: str, and_now: str = "") -> None:
+        super().__init__(f"{what}; {and_now}" if and_now else what)
+        self.what = what
 
 
 @contextmanager
@@ -31,7 +41,7 @@ def as_storage_error(target: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise StorageError(f"cannot write {target}: {reason}{KEPT_BEFORE}") from error
+        raise StorageError(f"cannot write {target}: {reason}", "what was stored before is kept") from error
 
 
 @contextmanager

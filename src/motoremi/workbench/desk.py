@@ -34,6 +34,7 @@ from motoremi.workflow import (
     save_ladder,
     stored_tolerance,
 )
+from motoremi.workflow_withdraw import Withdrawal, restore_withdrawn, withdraw
 
 if TYPE_CHECKING:
     from motoremi.report.contents import Choice
@@ -97,6 +98,13 @@ class Desk(Ladder[Fit]):
     def judge(self, tolerance: Tolerance) -> None:
         """Compare the current model with the measurement; this tolerance is used from now on."""
         self.change(lambda store: compare_session(store, tolerance))
+
+    def withdraw(self, names: Sequence[str], why: str, restore: bool) -> Withdrawal:
+        """Withdraw sweeps and values for a reason, or with `restore` use them again."""
+        with self._turn:
+            done = restore_withdrawn(self.path, names) if restore else withdraw(self.path, names, why)
+            self._stamp = None
+        return done
 
     def report(self, progress: Progress | None = None, profile: Path | None = None, choice: Choice | None = None) -> list[str]:
         """Write the report and return the names of its files.

@@ -148,6 +148,7 @@ def make_app(workbench: Workbench, token: str, hosts: Collection[str]) -> Guard:
         _post(session + "/add", _changing(w, lambda desk, body, progress: _add(desk, body, progress), "adding an effect")),
         _post(session + "/drop", _changing(w, lambda desk, body, progress: _step(desk, body, "drop"))),
         _post(session + "/redo", _changing(w, lambda desk, body, progress: _step(desk, body, "redo"))),
+        _post(session + "/withdraw", _changing(w, _withdraw)),
         _post(session + "/judge", _changing(w, _judge)),
         _post(session + "/predict", _changing(w, lambda desk, body, progress: spectrum_view.predict(desk, _text(body, "limit")))),
         _get(session + "/report", lambda request: _reports(w, w.desk(request))),
@@ -276,6 +277,13 @@ def _reports(w: Workbench, desk: Desk) -> JsonDict:
 def _report(w: Workbench, desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
     choice = Choice(_text(body, "form") or "long", frozenset(_names(body, "sections")))
     return {"files": desk.report(progress, w.letterhead.profile, choice)}
+
+
+def _withdraw(desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
+    """Withdraw sweeps and values, or use them again."""
+    names, restored = _names(body, "names"), body.get("restore") is True
+    done = desk.withdraw(names, _text(body, "why"), restored)
+    return {"names": list(done.names), "emptied_ladder": done.emptied_ladder}
 
 
 def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any, TypeVar
 
@@ -13,6 +13,8 @@ from motoremi.arrays import ComplexArray, FloatArray, JsonDict
 from motoremi.data.paths import SESSION
 from motoremi.data.session import Session
 from motoremi.data.storage import is_being_written
+from motoremi.data.sweep import ImpedanceSweep
+from motoremi.data.withdrawn import name_of
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison
@@ -50,10 +52,11 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "resumable": resumable(session),
         "start": {key: str(start.get(key, "")) for key in ("motor", "title", "operator", "time", "software", "backend")},
         "instruments": _instruments(session),
-        "sweeps": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.sweeps],
-        "conditioned": [{"termination": sweep.termination, "summary": sweep.summary()} for sweep in session.conditioned],
+        "sweeps": _sweeps(session, session.sweeps, conditioned=False),
+        "conditioned": _sweeps(session, session.conditioned, conditioned=True),
         "values": [{"name": one.name, "summary": one.text.partition("=")[2].replace("+-", " ± ")} for one in session.values],
         "spectra": [{"detector": one.detector, "condition": one.condition, "summary": one.summary()} for one in session.corrected_spectra],
+        "withdrawn": [{"name": one["name"], "why": one["why"]} for one in session.withdrawn],
         "challenge": "sealed_sha256" in start,
         "sealed": is_open_challenge(session),
         "diagnosed": session.analysis("diagnosis") is not None,
@@ -61,6 +64,15 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "ladder": ladder(desk),
         "elements": [*ELEMENTS, *(desk.steps[-1].effects if desk.steps else ())],
     }
+
+
+def _sweeps(session: Session, sweeps: Sequence[ImpedanceSweep], conditioned: bool) -> list[JsonDict]:
+    """The sweeps in use, each with the name by which it is withdrawn."""
+    stored = [one for one in session.used_documents if one["kind"] == "sweep" and ("condition" in one) == conditioned]
+    return [
+        {"name": name_of(document), "termination": sweep.termination, "summary": sweep.summary()}
+        for document, sweep in zip(stored, sweeps, strict=True)
+    ]
 
 
 def resumable(session: Session) -> bool:

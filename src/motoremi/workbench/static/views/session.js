@@ -1,6 +1,6 @@
 // The view Session: measurement and model for each termination, magnitude and phase (or R and X), and the error.
 
-import { get, sessionPath, within } from "../api.js";
+import { get, post, sessionPath, within } from "../api.js";
 import { button, card, facts, h, table } from "../dom.js";
 import { exportCard } from "../exports.js";
 import { Plots } from "../plot.js";
@@ -40,7 +40,7 @@ export const session = {
     const below = h("div", { class: "packed" });
     where.append(below);
     if (head.ladder.length) below.append(model(head));
-    below.append(identity(head));
+    below.append(identity(head), measurements(head, page));
     if (!measuring) below.append(exportCard(page));
     page.viewKey = (event) => {
       if (event.key.toLowerCase() !== "u") return;
@@ -107,7 +107,32 @@ function identity(head) {
   return card("Session",
     facts(rows.filter(([, value]) => value)),
     head.instruments.length > 0 && h("h3", {}, "Instruments"),
-    head.instruments.length > 0 && table(["role", "instrument", "address"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])),
-    head.sweeps.length + head.conditioned.length + head.values.length + head.spectra.length > 0 && h("h3", {}, "Measured"),
-    head.sweeps.length + head.conditioned.length + head.values.length + head.spectra.length > 0 && table(["measurement", "extent"], [...[...head.sweeps, ...head.conditioned].map((one) => [`${one.termination} sweep`, symbols(one.summary)]), ...head.values.map((one) => [one.name, symbols(one.summary)]), ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary)])]));
+    head.instruments.length > 0 && table(["role", "instrument", "address"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])));
+}
+
+// What was measured; sweeps and values can be withdrawn from all analyses, with a reason, and used again.
+function measurements(head, page) {
+  const used = [...[...head.sweeps, ...head.conditioned].map((one) => [one.name, `${one.termination} sweep: ${one.summary}`]), ...head.values.map((one) => [one.name, one.summary])];
+  if (!used.length && !head.spectra.length && !head.withdrawn.length) return "";
+  const fixed = head.state === "measuring" || head.resumable, why = h("input", { id: "withdraw-why", required: true, size: 40 });
+  const change = (body) => page.work("changing the session", async () => {
+    const done = await post(sessionPath(head.id, "/withdraw"), body);
+    if (done.emptied_ladder) page.complain("The models were fitted to other data and are removed: fit this session again.", "note");
+    return done;
+  });
+  const form = h("form", { id: "withdraw", hidden: true, onsubmit: (event) => { event.preventDefault(); change({ names: [form.dataset.name], why: why.value }); } },
+    h("label", {}, h("span", {}), why), " ", h("button", { type: "submit" }, "Withdraw"), " ", button("Cancel", () => { form.hidden = true; }));
+  const ask = (name) => {
+    Object.assign(form.dataset, { name });
+    form.querySelector("span").textContent = `Why ${name} is not to be used (the report gives the reason) `;
+    form.hidden = false;
+    why.focus();
+  };
+  const rows = [...used.map(([name, extent]) => [name, symbols(extent), fixed ? "" : button("Withdraw", () => ask(name), { "aria-label": `Withdraw ${name}` })]),
+    ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary), ""])];
+  return card("Measured",
+    rows.length > 0 && table(["measurement", "extent", "change"], rows),
+    form,
+    head.withdrawn.length > 0 && h("h3", {}, "Withdrawn: kept in the session, used by no analysis"),
+    head.withdrawn.length > 0 && table(["measurement", "why", "change"], head.withdrawn.map((one) => [one.name, one.why, fixed ? "" : button("Use again", () => change({ names: [one.name], restore: true }), { "aria-label": `Use ${one.name} again` })])));
 }
