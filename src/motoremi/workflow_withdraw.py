@@ -55,7 +55,7 @@ def withdraw(folder: Path, names: Sequence[str], why: str) -> Withdrawal:
     """
     reason = clean_text(" ".join(why.split()))
     if not reason:
-        raise BadInput("say why they are withdrawn (--why TEXT): the report gives the reason")
+        raise BadInput("say why: --why TEXT; the report gives the reason")
     return _changed(folder, names, reason, restored=False)
 
 
