@@ -93,6 +93,18 @@ def test_whitening_is_the_inverse_of_the_dense_covariance(analyser, points, disc
 
 
 @pytest.mark.parametrize(("analyser", "points", "discrepancy", "declared"), CASES)
+def test_no_sweep_has_more_directions_than_points_and_none_is_lost(analyser, points, discrepancy, declared):
+    columns = Columns.of(two_sweeps(points), find_analyser(analyser))
+    whitening = columns.whitening(declared)
+    directions = whitening.directions(discrepancy, LEAST_SHARE)
+    product = np.zeros((columns.sigma.size,) * 2, dtype=np.complex128)
+    for where, part in whitening.adjoints(discrepancy, LEAST_SHARE):
+        product[where, where] += part @ part.conj().T
+        assert part.shape[1] <= part.shape[0] or where == slice(None)
+    np.testing.assert_allclose(product, (directions @ directions.conj().T).conj(), atol=1e-12)
+
+
+@pytest.mark.parametrize(("analyser", "points", "discrepancy", "declared"), CASES)
 def test_products_are_those_under_the_inverse_covariance(analyser, points, discrepancy, declared):
     columns = Columns.of(two_sweeps(points), find_analyser(analyser))
     weighted = complex_normal(np.random.default_rng(2), 2 * columns.sigma.size).reshape(2, -1)

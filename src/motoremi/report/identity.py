@@ -49,7 +49,7 @@ def imported_files(session: Session) -> tuple[str, ...]:
     files = tuple(map(str, session.start.get("imported") or ()))
     if not files:
         return ()
-    measured, later = iter(_measured(session)), []
+    measured, later = iter(measured_documents(session)), []
     added = False
     for document in session.used_documents:
         added = added or document["kind"] == "reopen"
@@ -66,7 +66,7 @@ def measured_items(session: Session) -> tuple[ImpedanceSweep | Spectrum, ...]:
     return (*session.sweeps, *session.conditioned, *session.spectra, *session.finals)
 
 
-def _measured(session: Session) -> list[tuple[JsonDict, ImpedanceSweep | Spectrum]]:
+def measured_documents(session: Session) -> list[tuple[JsonDict, ImpedanceSweep | Spectrum]]:
     """Each document of a measured file with what the file holds."""
     sources: dict[str, Iterator[ImpedanceSweep | Spectrum]] = {
         "sweep": iter(session.sweeps),
@@ -122,7 +122,7 @@ def identity_section(session: Session, session_sha256: str) -> Section:
     )
     if settings:
         tables.append(Table("Settings of the instruments", ("role", "resource", "firmware", "settings"), tuple(settings)))
-    files = tuple(_file(document, item, session) for document, item in _measured(session))
+    files = tuple(_file(document, item, session) for document, item in measured_documents(session))
     if files:
         columns = ("file", "came from" if imported_files(session) else "measured (UTC)", "points", "SHA-256")
         tables.append(Table("Measured files", columns, files))

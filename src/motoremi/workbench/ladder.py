@@ -100,12 +100,16 @@ class Ladder(ABC, Generic[F]):
 
     def prepared(self, effect: str) -> F:
         """The current model with one more effect, fitted; kept, so that adding the effect afterwards is immediate."""
-        with self._turn:
-            stands, before = self.standing, self.top
-        return self._prepared_on(stands, before, effect)
+        return self._prepared_on(*self._now(), effect)
 
-    def _prepared_on(self, stands: str, before: F, effect: str) -> F:
-        key = (stands, effect)
+    def _now(self) -> tuple[str, F]:
+        """The current ladder's identifier and its last step, of the same moment."""
+        with self._turn:
+            return self.standing, self.top
+
+    def _prepared_on(self, standing: str, before: F, effect: str) -> F:
+        """As `prepared`, on the last step of a ladder that may have changed since."""
+        key = (standing, effect)
         with self._keeping:
             making = self._making.setdefault(key, threading.Lock())
         # One lock for each fit: requests for the same effect wait, requests for others do not. `_turn` must not be taken inside it.
@@ -134,11 +138,10 @@ class Ladder(ABC, Generic[F]):
         """The current and the prepared model, for a preview; None if the ladder is not the shown one or another preview was requested meanwhile."""
         self.looking = asked = object()
         with self.glancing:
-            with self._turn:
-                stands, before = self.standing, self.top
-            if self.looking is not asked or shown not in (None, stands):
+            standing, before = self._now()
+            if self.looking is not asked or shown not in (None, standing):
                 return None
-            return before, self._prepared_on(stands, before, effect)
+            return before, self._prepared_on(standing, before, effect)
 
     def add(self, effect: str, shown: str | None = None, progress: Progress | None = None) -> tuple[F, F]:
         """Add an effect to the current model, as many times as the command would; return the models before and after."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, TypeVar
 
@@ -21,6 +21,7 @@ from motoremi.inspection.compare import Comparison
 from motoremi.inspection.element_circuit import ELEMENTS
 from motoremi.model.effects import catalogue
 from motoremi.quantities import show, show_band
+from motoremi.report.identity import measured_documents
 from motoremi.report.words import beside_the_error, described, findings_of, in_words, mood_of, place_of, probability_of, reasons_of
 from motoremi.workbench.challenge_view import is_open_challenge
 from motoremi.workbench.desk import Desk
@@ -52,8 +53,8 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "resumable": resumable(session),
         "start": {key: str(start.get(key, "")) for key in ("motor", "title", "operator", "time", "software", "backend")},
         "instruments": _instruments(session),
-        "sweeps": _sweeps(session, session.sweeps, conditioned=False),
-        "conditioned": _sweeps(session, session.conditioned, conditioned=True),
+        "sweeps": _sweeps(session, conditioned=False),
+        "conditioned": _sweeps(session, conditioned=True),
         "values": [{"name": one.name, "summary": one.text.partition("=")[2].replace("+-", " ± ")} for one in session.values],
         "spectra": [{"detector": one.detector, "condition": one.condition, "summary": one.summary()} for one in session.corrected_spectra],
         "withdrawn": [{"name": one["name"], "why": one["why"]} for one in session.withdrawn],
@@ -66,12 +67,12 @@ def head(desk: Desk, identifier: str) -> JsonDict:
     }
 
 
-def _sweeps(session: Session, sweeps: Sequence[ImpedanceSweep], conditioned: bool) -> list[JsonDict]:
+def _sweeps(session: Session, conditioned: bool) -> list[JsonDict]:
     """The sweeps in use, each with the name by which it is withdrawn."""
-    stored = [one for one in session.used_documents if one["kind"] == "sweep" and ("condition" in one) == conditioned]
     return [
-        {"name": name_of(document), "termination": sweep.termination, "summary": sweep.summary()}
-        for document, sweep in zip(stored, sweeps, strict=True)
+        {"name": name_of(document), "termination": item.termination, "summary": item.summary()}
+        for document, item in measured_documents(session)
+        if isinstance(item, ImpedanceSweep) and ("condition" in document) == conditioned
     ]
 
 

@@ -123,7 +123,7 @@ function measurements(head, page) {
   const form = h("form", { id: "withdraw", hidden: true, onsubmit: (event) => { event.preventDefault(); change({ names: [form.dataset.name], why: why.value }); } },
     h("label", {}, h("span", {}), why), " ", h("button", { type: "submit" }, "Withdraw"), " ", button("Cancel", () => { form.hidden = true; }));
   const ask = (name) => {
-    Object.assign(form.dataset, { name });
+    form.dataset.name = name;
     form.querySelector("span").textContent = `Why ${name} is not to be used (the report gives the reason) `;
     form.hidden = false;
     why.focus();
