@@ -12,7 +12,7 @@ from typing import Any
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.corrections import Corrections
-from motoremi.data.session import Session, load
+from motoremi.data.session import Session, SessionWriter, load
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.background import ambient_of, split
 from motoremi.emission.band import BANDS, band_of
@@ -134,6 +134,25 @@ def fit_source(store: Store, progress: Progress | None = None) -> EmissionFit:
 def save_emission_ladder(store: Store, session: Session, steps: Sequence[EmissionFit]) -> None:
     """Store the emission's ladder; `session` is the present content of the store."""
     _save(store, _state(session), steps=[step.to_dict() for step in steps])
+
+
+def has_analyses_of_spectra(session: Session) -> bool:
+    """Whether a session has models of source and path, a diagnosis of its spectra, or a verdict on them against a limit."""
+    return bool(stored_emission_steps(session) or _computed_of_spectra(session))
+
+
+def _computed_of_spectra(session: Session) -> list[int]:
+    """Sequence numbers of the stored verdicts, predictions and diagnoses of spectra."""
+    return [int(one["seq"]) for one in session.used_documents if one["kind"] == "analysis" and one.get("name") in (PREDICTION, DIAGNOSIS)]
+
+
+def discard_of_other_spectra(writer: SessionWriter) -> None:
+    """Withdraw what was computed of a session's spectra, since these have changed; set-up and limit are kept."""
+    session = load(writer.path)
+    if found := _computed_of_spectra(session):
+        writer.emit("withdrawn", name="analyses of the spectra", documents=found, why="the spectra have changed since")
+    if stored_emission_steps(session):
+        save_emission_ladder(writer, session, [])
 
 
 def predict_session(

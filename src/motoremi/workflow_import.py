@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,9 @@ from motoremi.emission.observe import observations
 from motoremi.errors import BadInput
 from motoremi.investigation.conditioned import without_use
 from motoremi.quantities import parse_band, percent
-from motoremi.workflow_emission import judged
+from motoremi.workflow_emission import discard_of_other_spectra, has_analyses_of_spectra, judged
+
+FINALS_ALONE = "final values alone show nothing of the rest of the span: import the scans in which their maxima were found with them"
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ class Import:
 
 @dataclass(frozen=True, eq=False)
 class Addition:
-    """Sweeps and values that are ready to be added to a session.
+    """Sweeps, spectra and values that are ready to be added to a session.
 
     Parameters
     ----------
@@ -159,12 +161,19 @@ class Addition:
         Limitations that a reader has to know.
     empties_ladder : bool
         Whether the models of the session's ladder were fitted to other data than those with the addition.
+    spectra, finals : tuple of Spectrum
+        Scans and final values as read.
+    discards : bool
+        Whether the session has a verdict, models or a diagnosis of its spectra, which are not those of all spectra then.
     """
 
     sweeps: tuple[ImpedanceSweep, ...]
     values: tuple[SingleValue, ...]
     caveats: tuple[str, ...]
     empties_ladder: bool
+    spectra: tuple[Spectrum, ...] = ()
+    finals: tuple[Spectrum, ...] = ()
+    discards: bool = False
 
     def store(self, folder: Path) -> None:
         """Add them; the data that the session has already are not changed."""
@@ -173,7 +182,13 @@ class Addition:
                 writer.add_sweep(sweep)
             for value in self.values:
                 writer.add_value(value)
-            if asked := self._asked(folder):
+            for spectrum in self.spectra:
+                writer.add_spectrum(spectrum)
+            for final in self.finals:
+                writer.add_final(final)
+            if self.discards:
+                discard_of_other_spectra(writer)
+            if (self.sweeps or self.values) and (asked := self._asked(folder)):
                 writer.save_analysis("investigation", asked)
             if self.empties_ladder:
                 writer.save_analysis("ladder", load(folder).emptied_ladder())
@@ -191,7 +206,13 @@ class Addition:
 
 
 def addition(
-    folder: Path, sweeps: Sequence[ImpedanceSweep], values: Sequence[SingleValue], condition: Condition | None, options: ImportOptions
+    folder: Path,
+    sweeps: Sequence[ImpedanceSweep],
+    values: Sequence[SingleValue],
+    condition: Condition | None,
+    options: ImportOptions,
+    spectra: Sequence[Spectrum] = (),
+    finals: Sequence[Spectrum] = (),
 ) -> Addition:
     """The data to add to a session, checked against it before anything is written.
 
@@ -206,6 +227,8 @@ def addition(
     options : ImportOptions
         Analyser, compensation, band and accuracy; where not given, the analyser and the compensation of the session. Analyser and accuracy apply to
         all sweeps, so they must be those of the session.
+    spectra, finals : sequence of Spectrum
+        Scans and final values as read; the session's corrections apply to them.
 
     Raises
     ------
@@ -215,14 +238,18 @@ def addition(
     """
     if condition is not None and not sweeps:
         raise BadInput(f"--condition {condition} is for sweeps: give --short FILE..., --open FILE... with it")
-    if not sweeps and not values:
-        raise BadInput("nothing to append: give --short FILE..., --open FILE..., or --value NAME=QUANTITY")
+    if not sweeps and not values and not spectra and not finals:
+        raise BadInput("nothing to append: give --short FILE..., --open FILE..., --spectrum FILE..., or --value NAME=QUANTITY")
     session = load(folder)
-    if not session.sweeps:
+    if (sweeps or values) and not session.sweeps:
         raise BadInput(f"{folder.name} holds no impedance sweep of the motor as it is: append to a session that does")
     if "procedure" in session.start:
         # A resumed run would take them for its own.
         refuse_unfinished(session)
+    if finals and not spectra and not session.spectra:
+        raise BadInput(FINALS_ALONE)
+    for spectrum in (*spectra, *finals):
+        session.corrections.corrected_spectrum(spectrum)
     if options.analyser is not None and not sweeps:
         raise BadInput("--analyser is for impedance sweeps: leave it out, or give --short FILE..., --open FILE... with it")
     own = []
@@ -232,6 +259,10 @@ def addition(
         own.append(sweep.under(condition or sweep.condition))
     refuse_impossible(own, options.analyser)
     own = [_as_declared(sweep, session, options) for sweep in own]
+    discards = bool(spectra or finals) and has_analyses_of_spectra(session)
+    beside = Addition((), (), tuple(import_notes(spectra)), False, tuple(spectra), tuple(finals), discards)
+    if not own and not values:
+        return beside
     before = Measurement.of((*session.corrected_sweeps, *session.corrected_conditioned), values=session.values)
     corrected = [session.corrections.corrected_sweep(sweep) for sweep in own]
     everything = (*session.corrected_sweeps, *session.corrected_conditioned, *corrected)
@@ -242,7 +273,8 @@ def addition(
     averaged = [sweep for sweep in corrected if sweep.metadata.get("source") not in left_out]
     unlike = (*_disagreeing(measurement, own), *_unlike_stored(before, averaged))
     caveats = (*measurement.copies(), *labels, *unlike, *_without_use(measurement, own, values))
-    return Addition(tuple(own), tuple(values), caveats, bool(session.ladder) and not same_repeats(before, measurement))
+    empties_ladder = bool(session.ladder) and not same_repeats(before, measurement)
+    return replace(beside, sweeps=tuple(own), values=tuple(values), caveats=(*caveats, *beside.caveats), empties_ladder=empties_ladder)
 
 
 def _as_declared(sweep: ImpedanceSweep, session: Session, options: ImportOptions) -> ImpedanceSweep:
@@ -405,7 +437,7 @@ def prepared(
         if not spectra:
             raise BadInput("a limit is for emission spectra, and none of the files is one (--spectrum FILE...)")
     if finals and not spectra:
-        raise BadInput("final values alone show nothing of the rest of the span: import the scans in which their maxima were found with them")
+        raise BadInput(FINALS_ALONE)
     named = find_analyser(options.analyser).name if options.analyser is not None else None
     own = _with_options(sweeps, options)
     refuse_impossible(own, options.analyser)

@@ -100,6 +100,6 @@ def _issue(first: str, issued: date, content: str, amendment: int, replaces: Jso
 
 def _content_sha256(session: Session, laboratory: Laboratory) -> str:
     """A digest of the report's content, independent of the version of this software."""
-    analyses = {str(d["name"]): str(d["sha256"]) for d in session.documents if d["kind"] == "analysis" and d.get("name") in SHOWN}
+    analyses = {str(d["name"]): str(d["sha256"]) for d in session.used_documents if d["kind"] == "analysis" and d.get("name") in SHOWN}
     content = {"data": session_hash(session), "analyses": analyses, "laboratory": laboratory.to_dict()}
     return hashlib.sha256(to_line(content).encode()).hexdigest()

@@ -131,7 +131,7 @@ def test_the_report_gives_what_was_withdrawn_and_why(session: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["short-9", "--why", "x"], "no sweep or single value is called 'short-9'; there are short-1, short-2, short-3, dc-resistance"),
+        (["short-9", "--why", "x"], "no sweep, spectrum or single value is called 'short-9'; there are short-1, short-2, short-3, dc-resistance"),
         (["short-3"], "say why: --why TEXT; the report gives the reason"),
         (["short-3", "--why", " \n "], "say why: --why TEXT; the report gives the reason"),
         (["short-3", "--restore"], "'short-3' is not withdrawn"),

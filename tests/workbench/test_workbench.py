@@ -274,7 +274,7 @@ def test_what_cannot_be_withdrawn_is_a_sentence(at):
     assert names[0] == "short-1"
     assert "no sweep of the motor as it is would be left" in at("/withdraw", names=names, why="x")["error"]
     assert "say why" in at("/withdraw", names=names[:1])["error"]
-    assert "no sweep or single value is called 'x'" in at("/withdraw", names=["x"], why="x")["error"]
+    assert "no sweep, spectrum or single value is called 'x'" in at("/withdraw", names=["x"], why="x")["error"]
     assert "is not withdrawn" in at("/withdraw", names=names[:1], restore=True)["error"]
     assert [one["name"] for one in at("")["sweeps"]] == names
     assert at("/withdraw", names=names[:1], why="bad contact") == {"names": names[:1], "emptied_ladder": True}

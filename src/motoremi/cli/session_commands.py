@@ -15,6 +15,7 @@ from motoremi.report.kinds import PLOTS, SECTIONS
 
 if TYPE_CHECKING:
     from motoremi.arrays import JsonDict, Progress
+    from motoremi.data.corrections import Corrections
     from motoremi.data.spectrum import Spectrum
     from motoremi.data.sweep import ImpedanceSweep
     from motoremi.diagnosis.diagnosis import Diagnosis
@@ -28,7 +29,7 @@ Value = TypeVar("Value")
 def import_(
     context: typer.Context,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Session folder to make; with --append, the session to add to.", show_default=False)],
-    append: Annotated[bool, typer.Option("--append", help="Add to a session: more repeats, sweeps under a condition, values.")] = False,
+    append: Annotated[bool, typer.Option("--append", help="Add to a session: more repeats, sweeps under a condition, spectra, values.")] = False,
     condition: Annotated[
         str | None,
         typer.Option(
@@ -103,8 +104,6 @@ def import_(
     from motoremi.cli.output import emit_json, quoted, say
     from motoremi.data.conditions import parse_condition, parse_value, refuse_other_termination
     from motoremi.data.corrections import NO_CORRECTIONS
-    from motoremi.data.files import read_emission
-    from motoremi.data.import_notes import final_summaries
     from motoremi.quantities import parse_band
     from motoremi.workflow_import import ImportOptions, addition, prepared
 
@@ -112,7 +111,6 @@ def import_(
     span, units = parse_band(band) if band else None, _units(unit or [])
     if append:
         beside = {
-            "--spectrum": spectrum,
             "--corrections": corrections,
             "--limit": limit,
             "--motor": motor,
@@ -126,15 +124,17 @@ def import_(
         if condition is not None:
             refuse_other_termination(condition, bool(short), bool(open_))
         with progress_bars(as_json) as bars:
-            further = _sweeps(short or [], open_ or [], fixture, span, units, bars.bar("reading") or _silent)
-        _check_units(units, further)
+            show = bars.bar("reading") or _silent
+            further = _sweeps(short or [], open_ or [], fixture, span, units, show)
+            spectra, finals = _emission(spectrum or [], units, show)
+        _check_units(units, [*further, *spectra])
         stated = ImportOptions(
             analyser if _is_typed(context, "analyser") else None,
             band if further or _is_typed(context, "band") else "",
             accuracy if _is_typed(context, "accuracy") else "",
             compensated=compensated and (bool(further) or _is_typed(context, "compensated")),
         )
-        added = addition(out, further, values, under, stated)
+        added = addition(out, further, values, under, stated, spectra, finals)
         added.store(out)
         _show_addition(out, added, as_json)
         return
@@ -146,8 +146,7 @@ def import_(
     with progress_bars(as_json) as bars:
         show = bars.bar("reading") or _silent
         read = _sweeps(short or [], open_ or [], fixture, span, units, show)
-        emission = [read_emission(path, units) for path in _shown(spectrum or [], show)]
-    spectra, finals = ([item for one in emission for item in one[kind]] for kind in (0, 1))
+        spectra, finals = _emission(spectrum or [], units, show)
     _check_units(units, [*read, *spectra])
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
     stated = ImportOptions(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient, compensated)
@@ -165,8 +164,7 @@ def import_(
                 "verdict": verdict and verdict["verdict"],
                 "session": str(out),
                 "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz), **_read(s.metadata)} for s in sweeps],
-                "spectra": [{"detector": s.detector, "points": len(s), **_read(s.metadata)} for s in spectra],
-                "finals": [{"detector": s.detector, "frequency_hz": float(s.frequency_hz[0]), **_read(s.metadata)} for s in finals],
+                **_spectra_in_json(spectra, finals),
                 "corrections": start["corrections"],
                 "analyser": start["analyser"],
                 "analyser_assumed": start["analyser_assumed"],
@@ -177,10 +175,7 @@ def import_(
         raise typer.Exit(1 if verdict is not None and verdict["verdict"] == "fail" else 0)
     for sweep in sweeps:
         say(_as_read(sweep))
-    for item in made.corrected:
-        assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
-        say(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
-    for text in final_summaries([chain.corrected_spectrum(one) for one in finals]):
+    for text in _spectra_as_read(chain, spectra, finals):
         say(text)
     for entry in chain.entries:
         say(f"corrected ({entry.role}): {entry.describe()}")
@@ -213,6 +208,7 @@ def _not_named(sweeps: Sequence[ImpedanceSweep]) -> str:
 
 def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
     from motoremi.cli.output import emit_json, say
+    from motoremi.data.session import load
 
     if as_json:
         emit_json(
@@ -229,41 +225,62 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
                     }
                     for s in added.sweeps
                 ],
+                **_spectra_in_json(added.spectra, added.finals),
                 "values": [one.to_dict() for one in added.values],
                 "caveats": list(added.caveats),
                 "empties_ladder": added.empties_ladder,
+                "discards_emission": added.discards,
             }
         )
         return
     for sweep in added.sweeps:
         say(_as_read(sweep))
+    for text in _spectra_as_read(load(session).corrections, added.spectra, added.finals):
+        say(text)
     for one in added.values:
         say(f"value {one}")
     for remark in added.caveats:
         say(f"note: {remark}")
-    _say_what_follows(session, "without these sweeps" if added.empties_ladder else "")
+    fitted = "without these sweeps" if added.empties_ladder else ""
+    _say_what_follows(session, fitted, added.discards, of_spectra=not added.sweeps and not added.values)
 
 
-def _say_what_follows(session: Path, fitted: str) -> None:
-    """The commands after a change of a session's data; `fitted` says to which data its removed models were fitted, empty if they are kept."""
+def _say_what_follows(session: Path, fitted: str, discarded: bool, of_spectra: bool) -> None:
+    """The commands after a change of a session's data.
+
+    Parameters
+    ----------
+    session : Path
+    fitted : str
+        To which data the removed models were fitted; empty if they are kept.
+    discarded : bool
+        Whether what was computed of the spectra was removed.
+    of_spectra : bool
+        Whether only spectra have changed.
+    """
     from motoremi.cli.output import quoted, say
 
     if fitted:
         again = f"motoremi fit {quoted(session)}, then motoremi add {quoted(session)} EFFECT"
         say(f"note: the models of the ladder were fitted {fitted} and are removed; fit them again: {again}")
-    say(f"next: motoremi diagnose {quoted(session)}")
+    if discarded:
+        say("note: verdict, models and diagnosis of the spectra were of other spectra and are removed")
+    say(f"next: motoremi {'predict' if of_spectra else 'diagnose'} {quoted(session)}")
 
 
 def withdraw_(
     path: SessionPath,
     names: Annotated[
-        list[str], typer.Argument(metavar="NAME", help="A sweep by its file (short-2), or a single value (dc-resistance).", show_default=False)
+        list[str],
+        typer.Argument(
+            metavar="NAME", help="A sweep or spectrum by its file (short-2, peak-1), or a single value (dc-resistance).", show_default=False
+        ),
     ],
     why: Annotated[str, typer.Option("--why", metavar="TEXT", help="The reason; the report gives it.", show_default=False)] = "",
     restore: Annotated[bool, typer.Option("--restore", help="Use them again.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Withdraw sweeps or values that were measured wrongly: they stay in the session, and no analysis uses them."""
+    """Withdraw sweeps, spectra or values that were measured wrongly: they stay in the session, and no analysis uses them."""
     from motoremi.cli.output import emit_json, say
     from motoremi.workflow_withdraw import restore_withdrawn, withdraw
 
@@ -278,12 +295,13 @@ def withdraw_(
             "restored": done.restored,
             "withdrawn": list(done.session.withdrawn),
             "empties_ladder": done.emptied_ladder,
+            "discards_emission": done.discarded,
         })  # fmt: skip
         return
     what = ", ".join(done.names)
     say(f"{what} used again" if restore else f"{what} withdrawn: {done.why}; kept in the session, and no analysis uses it")
     say(f"the session has {done.session.summary()}")
-    _say_what_follows(path, "to other data" if done.emptied_ladder else "")
+    _say_what_follows(path, "to other data" if done.emptied_ladder else "", done.discarded, done.of_spectra)
 
 
 def _units(given: list[str]) -> dict[str, str]:
@@ -328,6 +346,32 @@ def _sweeps(
     if fixture is not None and not any(sweep.metadata["read_as"].startswith(("S21 of", "S11 of")) for sweep in sweeps):
         raise BadInput("--fixture is for Touchstone files of two ports (.s2p), and none of the files is one")
     return sweeps
+
+
+def _emission(files: list[Path], units: dict[str, str], progress: Progress) -> tuple[list[Spectrum], list[Spectrum]]:
+    """The scans and the final values of all files."""
+    from motoremi.data.files import read_emission
+
+    read = [read_emission(path, units) for path in _shown(files, progress)]
+    return [one for scans, _ in read for one in scans], [one for _, finals in read for one in finals]
+
+
+def _spectra_in_json(spectra: Sequence[Spectrum], finals: Sequence[Spectrum]) -> JsonDict:
+    return {
+        "spectra": [{"detector": s.detector, "points": len(s), **_read(s.metadata)} for s in spectra],
+        "finals": [{"detector": s.detector, "frequency_hz": float(s.frequency_hz[0]), **_read(s.metadata)} for s in finals],
+    }
+
+
+def _spectra_as_read(corrections: Corrections, spectra: Sequence[Spectrum], finals: Sequence[Spectrum]) -> list[str]:
+    """A line for each spectrum with its corrected levels and what was assumed, and one for the final values of each detector in each file."""
+    from motoremi.data.import_notes import final_summaries
+
+    lines = []
+    for item in map(corrections.corrected_spectrum, spectra):
+        assumed = ", ".join(what for what in ("detector", "rbw") if item.metadata.get(f"{what}_assumed"))
+        lines.append(f"{item.detector} {_origin(item.metadata)}: {item.summary()}" + (f" (assumed: {assumed})" if assumed else ""))
+    return lines + final_summaries([corrections.corrected_spectrum(one) for one in finals])
 
 
 def _shown(files: Sequence[Path], progress: Progress) -> Iterator[Path]:

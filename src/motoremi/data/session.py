@@ -29,7 +29,7 @@ from motoremi.data.storage import StorageError
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.data.verify import verify, vouched_sha256
-from motoremi.data.withdrawn import name_of, withdrawals
+from motoremi.data.withdrawn import KINDS, OF_THE_MOTOR, concerned, name_of, withdrawals
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.given import refuse_other
@@ -54,7 +54,7 @@ class Session:
     start : dict
         The first document.
     sweeps : tuple of ImpedanceSweep
-        Sweeps without a condition. Sweeps and values that were withdrawn are left out.
+        Sweeps without a condition. Sweeps, spectra and values that were withdrawn are left out.
     spectra : tuple of Spectrum
     finals : tuple of Spectrum
         Short scans around the maxima of a prescan.
@@ -101,18 +101,18 @@ class Session:
 
     @cached_property
     def used_documents(self) -> tuple[JsonDict, ...]:
-        """The documents without those of sweeps and values that were withdrawn."""
+        """The documents without those that were withdrawn."""
         gone = withdrawals(self.documents)
         return tuple(document for document in self.documents if document["seq"] not in gone)
 
     @cached_property
     def withdrawn(self) -> tuple[JsonDict, ...]:
-        """Each sweep and value that was withdrawn: name, reason and time."""
+        """Each measurement that was withdrawn: name, reason and time."""
         gone = withdrawals(self.documents)
         return tuple(
             {"name": name_of(document), "why": gone[document["seq"]].get("why", ""), "time": gone[document["seq"]]["time"]}
             for document in self.documents
-            if document["seq"] in gone
+            if document["seq"] in gone and document["kind"] in KINDS
         )
 
     @cached_property
@@ -377,8 +377,9 @@ def refuse_unfinished(session: Session) -> None:
 
 def is_up_to_date(session: Session) -> bool:
     """Whether the stored diagnosis includes every sweep and value, and none that was withdrawn."""
+    of_the_motor = {document["seq"] for document in session.documents if document["kind"] in OF_THE_MOTOR}
     for document in reversed(session.documents):
-        if document["kind"] in ("sweep", "value", "withdrawn", "restored"):
+        if document["seq"] in of_the_motor or not of_the_motor.isdisjoint(concerned(document)):
             return False
         if document["kind"] == "analysis" and document.get("name") == "diagnosis":
             return True

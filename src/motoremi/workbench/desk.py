@@ -100,7 +100,7 @@ class Desk(Ladder[Fit]):
         self.change(lambda store: compare_session(store, tolerance))
 
     def withdraw(self, names: Sequence[str], why: str, restore: bool) -> Withdrawal:
-        """Withdraw sweeps and values for a reason, or with `restore` use them again."""
+        """Withdraw measurements for a reason, or with `restore` use them again."""
         with self._turn:
             done = restore_withdrawn(self.path, names) if restore else withdraw(self.path, names, why)
             self._stamp = None

@@ -280,10 +280,10 @@ def _report(w: Workbench, desk: Desk, body: JsonDict, progress: Progress) -> Jso
 
 
 def _withdraw(desk: Desk, body: JsonDict, progress: Progress) -> JsonDict:
-    """Withdraw sweeps and values, or use them again."""
+    """Withdraw measurements, or use them again."""
     names, restored = _names(body, "names"), body.get("restore") is True
     done = desk.withdraw(names, _text(body, "why"), restored)
-    return {"names": list(done.names), "emptied_ladder": done.emptied_ladder}
+    return {"names": list(done.names), "emptied_ladder": done.emptied_ladder, "discarded": done.discarded}
 
 
 def _diagnose(desk: Desk, body: JsonDict, progress: Progress) -> None:

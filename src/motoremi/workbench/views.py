@@ -56,7 +56,7 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "sweeps": _sweeps(session, conditioned=False),
         "conditioned": _sweeps(session, conditioned=True),
         "values": [{"name": one.name, "summary": one.text.partition("=")[2].replace("+-", " ± ")} for one in session.values],
-        "spectra": [{"detector": one.detector, "condition": one.condition, "summary": one.summary()} for one in session.corrected_spectra],
+        "spectra": _spectra(session),
         "withdrawn": [{"name": one["name"], "why": one["why"]} for one in session.withdrawn],
         "challenge": "sealed_sha256" in start,
         "sealed": is_open_challenge(session),
@@ -73,6 +73,15 @@ def _sweeps(session: Session, conditioned: bool) -> list[JsonDict]:
         {"name": name_of(document), "termination": item.termination, "summary": item.summary()}
         for document, item in measured_documents(session)
         if isinstance(item, ImpedanceSweep) and ("condition" in document) == conditioned
+    ]
+
+
+def _spectra(session: Session) -> list[JsonDict]:
+    """The spectra in use, corrected, each with the name by which it is withdrawn."""
+    used = [document for document in session.used_documents if document["kind"] == "spectrum"]
+    return [
+        {"name": name_of(document), "detector": one.detector, "condition": one.condition, "summary": one.summary()}
+        for document, one in zip(used, session.corrected_spectra, strict=True)
     ]
 
 

@@ -110,14 +110,16 @@ function identity(head) {
     head.instruments.length > 0 && table(["role", "instrument", "address"], head.instruments.map((one) => [one.role, Object.values(one.identity).join(" "), one.resource])));
 }
 
-// What was measured; sweeps and values can be withdrawn from all analyses, with a reason, and used again.
+// What was measured; each of it can be withdrawn from all analyses, with a reason, and used again.
 function measurements(head, page) {
-  const used = [...[...head.sweeps, ...head.conditioned].map((one) => [one.name, `${one.termination} sweep: ${one.summary}`]), ...head.values.map((one) => [one.name, one.summary])];
-  if (!used.length && !head.spectra.length && !head.withdrawn.length) return "";
+  const used = [...[...head.sweeps, ...head.conditioned].map((one) => [one.name, `${one.termination} sweep: ${one.summary}`]), ...head.values.map((one) => [one.name, one.summary]),
+    ...head.spectra.map((one) => [one.name, `${one.detector}, ${one.condition}: ${one.summary}`])];
+  if (!used.length && !head.withdrawn.length) return "";
   const fixed = head.state === "measuring" || head.resumable, why = h("input", { id: "withdraw-why", required: true, size: 40 });
   const change = (body) => page.work("changing the session", async () => {
     const done = await post(sessionPath(head.id, "/withdraw"), body);
     if (done.emptied_ladder) page.complain("The models were fitted to other data and are removed: fit this session again.", "note");
+    if (done.discarded) page.complain("Verdict, models and diagnosis of the spectra were of other spectra and are removed.", "note");
     return done;
   });
   const form = h("form", { id: "withdraw", hidden: true, onsubmit: (event) => { event.preventDefault(); change({ names: [form.dataset.name], why: why.value }); } },
@@ -128,8 +130,7 @@ function measurements(head, page) {
     form.hidden = false;
     why.focus();
   };
-  const rows = [...used.map(([name, extent]) => [name, symbols(extent), fixed ? "" : button("Withdraw", () => ask(name), { "aria-label": `Withdraw ${name}` })]),
-    ...head.spectra.map((one) => [`${one.detector}, ${one.condition}`, symbols(one.summary), ""])];
+  const rows = used.map(([name, extent]) => [name, symbols(extent), fixed ? "" : button("Withdraw", () => ask(name), { "aria-label": `Withdraw ${name}` })]);
   return card("Measured",
     rows.length > 0 && table(["measurement", "extent", "change"], rows),
     form,
