@@ -22,6 +22,7 @@ from workbench_tools import ATTACKS, bench_of, client_of, listening, make_fitted
 
 from motoremi.data.paths import MANIFEST
 from motoremi.data.session import SessionWriter, load, reopen, verify
+from motoremi.data.spectrum import Spectrum
 from motoremi.data.text import clean_value
 from motoremi.schema.bench_file import BenchFile
 from motoremi.workbench.bench_view import Asked, Workplace
@@ -32,6 +33,7 @@ from motoremi.workbench.shelf import Shelf
 from motoremi.workbench.terms import TERMS
 from motoremi.workbench.views import rounded
 from motoremi.workflow import add_to_session, drop_from_session, opened
+from motoremi.workflow_emission import judged
 
 pytestmark = pytest.mark.slow
 
@@ -277,9 +279,27 @@ def test_what_cannot_be_withdrawn_is_a_sentence(at):
     assert "no sweep, spectrum or single value is called 'x'" in at("/withdraw", names=["x"], why="x")["error"]
     assert "is not withdrawn" in at("/withdraw", names=names[:1], restore=True)["error"]
     assert [one["name"] for one in at("")["sweeps"]] == names
-    assert at("/withdraw", names=names[:1], why="bad contact") == {"names": names[:1], "emptied_ladder": True}
+    assert at("/withdraw", names=names[:1], why="bad contact") == {"names": names[:1], "emptied_ladder": True, "discarded": False}
     assert at("")["withdrawn"] == [{"name": "short-1", "why": "bad contact"}]
     assert [one["name"] for one in at("")["sweeps"]] == names[1:]
+
+
+def test_a_spectrum_is_withdrawn_with_the_verdict_on_it(tmp_path):
+    frequency_hz = np.geomspace(150e3, 30e6, 300)
+    with SessionWriter.create(tmp_path / "spectra", {"title": "spectra", "motor": "M"}) as writer:
+        for level_dbuv in (30.0, 80.0):
+            writer.add_spectrum(Spectrum("quasi-peak", frequency_hz, np.full(300, level_dbuv)))
+        judged(writer, "cispr14-1")
+        writer.close("done")
+    workbench = bench_of(tmp_path, tmp_path / "spectra")
+    client, base = client_of(workbench), f"/api/sessions/{workbench.shelf.first}"
+    assert client.get(f"{base}/emission").json()["prediction"]["verdict"] == "fail"
+    assert [one["name"] for one in client.get(base).json()["spectra"]] == ["quasi-peak-1", "quasi-peak-2"]
+    done = client.post(f"{base}/withdraw", json={"names": ["quasi-peak-2"], "why": "attenuator not entered"}).json()
+    assert done == {"names": ["quasi-peak-2"], "emptied_ladder": False, "discarded": True}
+    shown = client.get(f"{base}/emission").json()
+    assert (shown["prediction"], len(shown["spectra"])) == (None, 1)
+    assert [one["name"] for one in client.get(base).json()["spectra"]] == ["quasi-peak-1"]
 
 
 def test_a_session_read_just_before_it_is_closed_is_complete_afterwards(tmp_path):
