@@ -133,3 +133,16 @@ def test_the_errors_of_an_analyser_without_a_name_do_not_take_a_core_over() -> N
     """Four times what is expected of one describes everything beside a law that is not quite the bead's: the circuit missed by 40 %."""
     both = me.fit(me.dc_motor(), [bead()]).add("permeability-relaxation").add("dielectric-relaxation@Ca")
     assert both.rms_error_percent < 3
+
+
+@pytest.mark.slow
+def test_two_terms_of_a_core_are_told_as_one_cause() -> None:
+    frequency_hz = np.geomspace(1e4, 3e7, 201)
+    s = 2j * np.pi * frequency_hz
+    permeability = 0.25 + 0.45 / (1 + 1j * frequency_hz / 2e5) + 0.3 / (1 + 1j * frequency_hz / 6e6)
+    winding = 1 / (1 / (1.2 + s * 400e-6 * permeability) + s * 50e-12)
+    sweeps = [me.ImpedanceSweep("short", frequency_hz, scatter(seed, winding, 5e-4), metadata={"analyser": "e4990a"}) for seed in (1, 2, 3)]
+    with seeking({"permeability-relaxation", "skin-effect", "dielectric-loss@Ca"}):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert found.effects == ("permeability-relaxation", "permeability-relaxation")
+    assert "the 2 permeability-relaxation are terms of the permeability of one core, which is one cause" in found.reasons

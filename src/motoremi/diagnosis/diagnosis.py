@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -647,6 +648,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         rest = f"; {percent(left['value'], 2)} stays undescribed" if left["value"] else ""
         effect = f"the circuit's error from {percent(before)} to {percent(after)} {floor}{rest}"
     said = [f"adding {' and '.join(named)} takes {effect}"]
+    said += [f"the {number} {name} are terms of the permeability of one core, which is one cause" for name, number in _terms_of_a_core(named).items()]
     if verdict == "instrument":
         cause = _OF_THE_SETUP.get("".join(named), "the analyser or its fixture is beyond its specification")
         said.append(f"{cause}; the motor's circuit needs nothing")
@@ -694,6 +696,11 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     if min((gain for gain in validation.values() if gain is not None), default=0.0) < 0:
         said.append("but it predicts left-out parts of the sweeps no better than before: repeat the sweeps before you rely on it")
     return said
+
+
+def _terms_of_a_core(named: Key) -> dict[str, int]:
+    """Each law of a core that is named several times, with the number: these are one cause."""
+    return {name: number for name, number in Counter(named).items() if number > 1 and find_effect(name).effect.needs_a == "core"}
 
 
 def _imitation(relaxing: Key) -> str:
