@@ -648,7 +648,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         rest = f"; {percent(left['value'], 2)} stays undescribed" if left["value"] else ""
         effect = f"the circuit's error from {percent(before)} to {percent(after)} {floor}{rest}"
     said = [f"adding {' and '.join(named)} takes {effect}"]
-    said += [f"the {number} {name} are terms of the permeability of one core, which is one cause" for name, number in _terms_of_a_core(named).items()]
+    said += _several_terms(named)
     if verdict == "instrument":
         cause = _OF_THE_SETUP.get("".join(named), "the analyser or its fixture is beyond its specification")
         said.append(f"{cause}; the motor's circuit needs nothing")
@@ -698,9 +698,10 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     return said
 
 
-def _terms_of_a_core(named: Key) -> dict[str, int]:
-    """Each law of a core that is named several times, with the number: these are one cause."""
-    return {name: number for name, number in Counter(named).items() if number > 1 and find_effect(name).effect.needs_a == "core"}
+def _several_terms(named: Key) -> list[str]:
+    """That a law of a core which is named several times is one cause."""
+    several = {name: number for name, number in Counter(named).items() if number > 1 and find_effect(name).effect.needs_a == "core"}
+    return [f"the {number} {name} are terms of the permeability of one core, which is one cause" for name, number in several.items()]
 
 
 def _imitation(relaxing: Key) -> str:
