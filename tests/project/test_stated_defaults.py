@@ -348,8 +348,9 @@ def test_numbers_of_the_pages_on_evidence_are_those_of_the_code():
         (
             investigations,
             f"{100 * informed.OUTSIDE['explained']:g} % if one effect describes everything, "
-            f"{100 * (1 - belief.RELIABLE['two names']):g} % if two or three do "
-            f"({100 * (1 - belief.RELIABLE['two names, one describes nearly all']):g} % if one of two describes nearly all), "
+            f"{100 * (1 - belief.RELIABLE['two names']):g} % if two do "
+            f"({100 * (1 - belief.RELIABLE['two names, one describes nearly all']):g} % if one of them describes nearly all), "
+            f"{100 * (1 - belief.RELIABLE['three names']):g} % if three do, "
             f"up to {100 * informed.OUTSIDE['not']:g} % if none",
         ),
         (investigations, f"from {100 * min(weighing.UNDESCRIBED):g} % to {100 * max(weighing.UNDESCRIBED):g} %"),

@@ -8,7 +8,22 @@ from typing import Annotated, Any
 import typer
 
 from motoremi import __version__
-from motoremi.cli import bench, blind, catalogue, demo, doctor, emission, export, fleet, investigate, paper, session_commands, simulate, workbench
+from motoremi.cli import (
+    bench,
+    blind,
+    catalogue,
+    demo,
+    doctor,
+    emission,
+    export,
+    fleet,
+    investigate,
+    paper,
+    session_commands,
+    session_data,
+    simulate,
+    workbench,
+)
 
 app = typer.Typer(
     help="Measure the common-mode impedance and emission of DC motors, fit the circuit, find the missing effect, report.",
@@ -53,5 +68,20 @@ def _options(
         take(*effects_from)
 
 
-for module in (demo, bench, investigate, simulate, session_commands, workbench, emission, export, fleet, catalogue, doctor, blind, paper):
+for module in (
+    demo,
+    bench,
+    investigate,
+    simulate,
+    session_data,
+    session_commands,
+    workbench,
+    emission,
+    export,
+    fleet,
+    catalogue,
+    doctor,
+    blind,
+    paper,
+):
     module.register(app)

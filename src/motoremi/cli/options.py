@@ -79,3 +79,9 @@ def corrections_of(path: Path) -> Corrections:
 def ask_once() -> Callable[[str], bool] | None:
     """A function that asks a yes-or-no question; None if standard input is not a terminal."""
     return (lambda question: typer.confirm(question, err=True)) if sys.stdin.isatty() else None
+
+
+def is_typed(context: typer.Context, name: str) -> bool:
+    """Whether an option was given with the command, not in a settings file: that is for new sessions and reports of one."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
