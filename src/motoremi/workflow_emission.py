@@ -21,7 +21,7 @@ from motoremi.emission.finals import Rules, choose_maxima
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB
 from motoremi.emission.limit import find_limit
 from motoremi.emission.observe import repetition_from
-from motoremi.emission.predict import DEFAULT_LIMIT, Prediction, motor_function, predict
+from motoremi.emission.predict import DEFAULT_LIMIT, Prediction, motor_function, predict, refuse_other_unit
 from motoremi.emission.setup import Setup, read_setup
 from motoremi.emission.source_effects import find_source_effect
 from motoremi.emission.spectrum_fit import EmissionFit, restored
@@ -50,6 +50,11 @@ def _stated(session: Session) -> Setup:
     """The set-up that was given last; otherwise one with typical values."""
     stored = _state(session)["setup"]
     return Setup() if stored is None else Setup.from_dict(stored)
+
+
+def limit_of(session: Session) -> str:
+    """The limit that was given last, by name or file."""
+    return str(_state(session)["limit"])
 
 
 def setup_of(session: Session) -> Setup:
@@ -159,17 +164,25 @@ def predict_session(
     store: Store,
     setup: Path | None = None,
     limit: str | None = None,
-    expanded_uncertainty_db: float = EXPANDED_UNCERTAINTY_DB,
+    expanded_uncertainty_db: float | None = None,
     corrections: Corrections | None = None,
     with_model: bool = True,
 ) -> Prediction:
     """The spectrum predicted from the source and the fitted motor, and the verdict on the measured levels.
 
-    A set-up, a limit or corrections given here are stored for later calls; the corrections replace those with which the session was made.
-    Without an open-circuit sweep, or if `with_model` is False, only the measured levels are judged.
+    A set-up, a limit, an uncertainty or corrections given here are stored for later calls; the corrections replace those with which the session was
+    made. Without an open-circuit sweep, or if `with_model` is False, only the measured levels are judged.
+
+    Raises
+    ------
+    BadInput
+        If they do not fit each other or the session, which is then unchanged.
     """
     session = load(store.path)
     state = _state(session)
+    chosen_limit = find_limit(limit if limit is not None else state["limit"])
+    refuse_other_unit(corrections if corrections is not None else session.corrections, chosen_limit)
+    guard_db = expanded_uncertainty_db if expanded_uncertainty_db is not None else state.get("uncertainty_db", EXPANDED_UNCERTAINTY_DB)
     if setup is not None:
         state = {**state, "setup": read_setup(setup).to_dict(), "steps": []}
     if corrections is not None:
@@ -177,8 +190,7 @@ def predict_session(
             corrections.corrected_spectrum(spectrum)
         store.save_analysis(CORRECTIONS, {"schema": "motoremi.corrections/1", "corrections": corrections.to_list()})
         state = {**state, "steps": []}
-    chosen_limit = find_limit(limit if limit is not None else state["limit"])
-    state = _save(store, state, limit=limit if limit is not None else state["limit"])
+    state = _save(store, state, limit=limit if limit is not None else state["limit"], uncertainty_db=guard_db)
     session = load(store.path)
     alone = bool(session.spectra) and not (with_model and has_motor(session))
     motor, stated = (None, _stated(session)) if alone else (_motor(store), setup_of(session))
@@ -191,7 +203,7 @@ def predict_session(
         stated,
         session.spectra,
         chosen_limit,
-        expanded_uncertainty_db=expanded_uncertainty_db,
+        expanded_uncertainty_db=guard_db,
         effects=effects,
         corrections=session.corrections,
         finals=session.finals,
@@ -209,7 +221,7 @@ def choose_finals(
     return {"maxima": [one.to_dict() for one in chosen], "more": more, "limit": limit}
 
 
-def judged(store: Store, limit: str, uncertainty: float = EXPANDED_UNCERTAINTY_DB) -> JsonDict:
+def judged(store: Store, limit: str, uncertainty: float | None = None) -> JsonDict:
     """The verdict on the measured levels, with all reasons; a prediction is stored as well if a model of the motor has been fitted."""
     session = load(store.path)
     with_model = bool(session.ladder) and all(_has_band(spectrum) for spectrum in session.spectra)
@@ -217,8 +229,10 @@ def judged(store: Store, limit: str, uncertainty: float = EXPANDED_UNCERTAINTY_D
     decided = [one for one in result.judged if one.verdict is not None and one.worst_margin_db is not None]
     worst = min(decided, key=lambda one: one.worst_margin_db or 0.0, default=None)
     least = f"{worst.what}: {worst.why}" if worst is not None else "no level can be compared with it"
-    says = f"{result.verdict}, {result.limit.title}: {'; '.join(result.reasons) or least}"
-    return {"verdict": result.verdict, "says": says, "reasons": list(result.reasons)}
+    doubt = ", values NOT CONFIRMED" if result.limit.unconfirmed else ""
+    against = f"{result.limit.title}{doubt} (guard band {result.expanded_uncertainty_db:.3g} dB)"
+    says = f"{result.verdict}, {against}: {'; '.join(result.reasons) or least}"
+    return {"verdict": result.verdict, "says": says, "reasons": list(result.reasons), "remarks": result.limit.remarks()}
 
 
 def _has_band(spectrum: Spectrum) -> bool:

@@ -308,3 +308,18 @@ def test_a_receivers_noise_behind_a_pad_is_predicted_higher_by_the_pad(tmp_path:
     bare = silent.levels(AXIS, motor, weigh=False)["average"]
     padded = replace(silent, corrections=chain).levels(AXIS, motor, weigh=False)["average"]
     assert padded - bare == pytest.approx(np.full(AXIS.size, 10.0), abs=1e-9)
+
+
+def test_the_same_correction_twice_is_noted(tmp_path: Path) -> None:
+    pad = "[[correction]]\nname = 'pad'\nrole = 'receiver'\nkind = 'loss'\ndb = 10\n"
+    assert read_corrections(corrections_file(tmp_path, pad)).remarks() == []
+    assert read_corrections(corrections_file(tmp_path, 2 * pad)).remarks() == [
+        "the correction 'pad' is entered twice with the same values, and both are applied"
+    ]
+
+
+def test_a_table_without_column_names_is_told_which_it_needs(tmp_path: Path) -> None:
+    (tmp_path / "cable.csv").write_text("150000,1.0\n30000000,2.0\n")
+    text = "[[correction]]\nname = 'cable'\nrole = 'receiver'\nkind = 'loss'\nfile = 'cable.csv'\n"
+    with pytest.raises(BadInput, match="frequency_hz,db"):
+        read_corrections(corrections_file(tmp_path, text))

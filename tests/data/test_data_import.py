@@ -273,6 +273,24 @@ def test_names_and_units_in_two_rows(tmp_path: Path, names: tuple[str, ...]) -> 
     np.testing.assert_array_equal(load(tmp_path / "s").sweeps[0].impedance_ohm, IMPEDANCE)
 
 
+@pytest.mark.parametrize(
+    ("names", "units", "beside"),
+    [
+        ("Frequency\tQuasiPeak\tCAverage\tLine", "(MHz)\t(dBµV)\t(dBµV)\t", "L1"),
+        ("Frequency\tQuasiPeak\tCAverage\tCorr.", "(MHz)\t(dBµV)\t(dBµV)\t(dB)", "9,6"),
+        ("Frequency\tQuasiPeak\tCAverage\tMeas. Time", "MHz\tdBµV\tdBµV\tms", "1000,0"),
+    ],
+)
+def test_columns_beside_the_levels_may_have_other_units_or_none(tmp_path: Path, names: str, units: str, beside: str) -> None:
+    rows = "".join(f"{0.15 + 0.0045 * n:.6f}\t{40 + n % 3},000\t30,000\t{beside}\n".replace(".", ",") for n in range(50))
+    (tmp_path / "final.txt").write_text(f"{names}\n{units}\n{rows}", encoding="latin-1")
+    imported(tmp_path, "--spectrum", tmp_path / "final.txt")
+    quasi_peak, average = load(tmp_path / "s").spectra
+    assert (quasi_peak.detector, average.detector) == ("quasi-peak", "cispr-average")
+    np.testing.assert_allclose(quasi_peak.level_dbuv, 40 + np.arange(50) % 3)
+    np.testing.assert_allclose(average.frequency_hz, 1e6 * (0.15 + 0.0045 * np.arange(50)), rtol=1e-9)
+
+
 def test_units_that_the_file_does_not_name(tmp_path: Path) -> None:
     path = rows_of_names(tmp_path, "f,R,X")
     with pytest.raises(BadInput, match="--unit f=Hz --unit R=Ohm --unit X=Ohm"):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from motoremi.data.spectrum import Spectrum
+from motoremi.emission.band import misread
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB, judge_prediction, judge_spectra, overall
 from motoremi.emission.limit import find_limit, limit_names
 from motoremi.errors import BadInput
@@ -145,3 +146,11 @@ def test_limits_of_ones_own(tmp_path):
         find_limit(tmp_path / "none.toml")
     with pytest.raises(BadInput, match="uncertainty"):
         judge_spectra([spectrum("average", 30.0)], find_limit("cispr32-b"), -1)
+
+
+def test_at_30_mhz_the_bandwidth_of_the_band_above_is_right_too():
+    """Every scan of radiated disturbances begins there, with 120 kHz."""
+    at_30_mhz = np.array([29.9e6, 30e6, 30.1e6])
+    assert misread(at_30_mhz, 120e3, low=False).tolist() == [True, False, False]
+    assert not misread(at_30_mhz, 9e3, low=False).any()
+    assert misread(at_30_mhz, 1e3, low=True).tolist() == [True, True, False]

@@ -238,6 +238,25 @@ def test_corrections_are_equipment_with_their_tables(tmp_path, measure):
     assert any("calibration dates (analyser, cable W3)" in gap for gap in build_report(Materials(load(path), (), None, None)).warnings)
 
 
+@pytest.mark.parametrize(
+    ("dates", "doubts"),
+    [
+        ({"calibrated": "2023-01-10", "due": "2024-01-10"}, ["the calibration of the receiver correction pad was due on 2024-01-10"]),
+        ({"calibrated": "2024-03-01"}, ["the calibration of the receiver correction pad is dated 2024-03-01, after the measurement"]),
+        ({"calibrated": "2024-02-03", "due": "2025-02-03"}, []),
+    ],
+)
+def test_calibrations_are_compared_with_the_date_that_imported_files_state(tmp_path, dates, doubts):
+    (tmp_path / "b.csv").write_text("# date: 03.Feb 2024\n# detector: peak\nfrequency_hz,level_dbuv\n150e3,40\n160e3,41\n170e3,40\n")
+    entry = "\n".join(f"{key} = {day}" for key, day in dates.items())
+    (tmp_path / "lab.toml").write_text(f"[[correction]]\nname = 'pad'\nrole = 'receiver'\nkind = 'loss'\ndb = 10\n{entry}\n")
+    words = ["import", str(tmp_path / "s"), "--spectrum", str(tmp_path / "b.csv"), "--corrections", str(tmp_path / "lab.toml")]
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code == 0, told.output
+    warnings = build_report(Materials(load(tmp_path / "s"), (), None, None)).warnings
+    assert [one for one in warnings if one.startswith("the calibration of")] == doubts
+
+
 def test_imported_data_are_called_so_with_their_own_date_and_every_gap(tmp_path, measure):
     sweeps, _ = measure(2)
     (tmp_path / "a.csv").write_text(

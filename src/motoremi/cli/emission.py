@@ -20,8 +20,9 @@ def predict_(
     ] = None,
     limit: Annotated[str | None, typer.Option("--limit", metavar="NAME", help="A limit ('motoremi limits') or your own .toml; kept.")] = None,
     uncertainty_db: Annotated[
-        float, typer.Option("--uncertainty", metavar="DB", help="Expanded uncertainty (k = 2), the guard band.", min=0)
-    ] = 3.4,
+        float | None,
+        typer.Option("--uncertainty", metavar="DB", help="Expanded uncertainty (k = 2), the guard band; 3.4 dB at first; kept.", min=0, max=40),
+    ] = None,
     corrections: Annotated[
         Path | None,
         typer.Option(
@@ -73,6 +74,8 @@ def limits_(
         doubt = f"  NOT CONFIRMED: {', '.join(limit.unconfirmed)}" if limit.unconfirmed else ""
         say(f"{limit.name:28s} {limit.title} ({', '.join(line.detector for line in limit.lines)}){doubt}")
         if name is not None:
+            if limit.note:
+                say(f"  {limit.note}")
             for line in limit.lines:
                 say(f"  {line.detector}: {line.source}")
                 for low, high, first, last in line.segments:

@@ -161,7 +161,7 @@ def import_(
                 "corrections": start["corrections"],
                 "analyser": start["analyser"],
                 "analyser_assumed": start["analyser_assumed"],
-                "caveats": [*made.caveats, *(verdict["reasons"] if verdict is not None else ())],
+                "caveats": [*made.caveats, *((*verdict["reasons"], *verdict["remarks"]) if verdict is not None else ())],
                 "observations": list(made.observations),
             }
         )
@@ -174,7 +174,7 @@ def import_(
         say(f"corrected ({entry.role}): {entry.describe()}")
     if start["analyser_assumed"]:
         say(_not_named(sweeps))
-    for remark in [*made.caveats, *(one["text"] for one in made.observations)]:
+    for remark in [*made.caveats, *(one["text"] for one in made.observations), *(verdict["remarks"] if verdict is not None else ())]:
         say(f"note: {remark}")
     if verdict is not None:
         say(f"verdict: {verdict['says']}")

@@ -20,6 +20,7 @@ from motoremi.errors import BadInput
 _DECIBEL = re.compile(r"(?:^|[\s_(\[])(db(?:/m|\s?\([^)]*\)|\s?(?:ohm|[Ω\u2126]))?)[)\]]?$", re.IGNORECASE)
 # Of a current probe: its transfer impedance Zt, the voltage over the current, so that dBuA = dBuV - Zt.
 DB_OHM = "dB(Ohm)"
+CORRECTION_EXAMPLE = "frequency_hz,db"
 # Spelling in a file, in lower case -> unit.
 _UNITS = {"db": "dB", "db/m": "dB/m", "db(1/m)": "dB(1/m)", "db(1/ohm)": "dB(1/Ohm)", "db(s)": "dB(S)", "db(ohm)": DB_OHM, "dbohm": DB_OHM}
 _TRANSFER_IMPEDANCE = re.compile(r"z_?t(?![a-z])|transfer[\s_-]*impedance", re.IGNORECASE)
@@ -60,7 +61,7 @@ def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
         frequency_hz, s = read_two_port(path)
         level: FloatArray = 20 * np.log10(np.abs(s[:, 1, 0]))
         return frequency_hz, level if kind == "gain" else -level, ""
-    table = parse_table(text, shown)
+    table = parse_table(text, shown, CORRECTION_EXAMPLE)
     found = find_columns(table)
     if "frequency" not in found:
         raise BadInput(f"{shown}: found {columns_found(table)}, but a correction needs the columns frequency_hz,db")

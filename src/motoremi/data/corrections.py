@@ -306,7 +306,8 @@ class Corrections:
         for entry in self.entries:
             if gap := entry.widest_gap():
                 found.append(f"the correction {entry.name!r} has no value between {show_band(*gap)}: it is interpolated there")
-        return found
+        repeated = [entry.name for index, entry in enumerate(self.entries) if entry in self.entries[:index]]
+        return found + [f"the correction {name!r} is entered twice with the same values, and both are applied" for name in dict.fromkeys(repeated)]
 
     def to_list(self) -> list[JsonDict]:
         """Plain data; `of` reads it back."""

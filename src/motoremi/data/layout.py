@@ -118,6 +118,7 @@ def column_names(head: Head, where: str, example: str = IMPEDANCE_EXAMPLE) -> Na
     titles = _titles(named.text, own, count)
     if are_units(titles) and above[-1] is not None:
         with_names = _titles(above[-1].text, own, count)
+        titles += [""] * (len(with_names) - len(titles))  # the last columns may have none, such as the line of the LISN
         if len(with_names) == len(titles):
             titles = [f"{name} [{unit}]" if unit else name for name, unit in zip(with_names, titles, strict=True)]
     if len(titles) < 2 and not head.texts:

@@ -76,12 +76,12 @@ ANGLE = Units(
 DBUV = Units("dBuV", "dBuV", {"dbuv": 1.0})
 DBM = Units("dBm", "dBm", {"dbm": 1.0})
 # Units of columns that are not read, in a row of units: numbers of points, times, voltages, currents, temperatures.
-_OTHER_UNITS = ("#", "s", "V", "mV", "A", "mA", "%", "°C", "degC")
+_OTHER_UNITS = ("#", "s", "ms", "V", "mV", "A", "mA", "%", "°C", "degC", "dB", "m", "cm")
 NUMBER = Units("no unit", "", {"": 1.0})
 
 
 def are_units(texts: Sequence[str]) -> bool:
     """Whether all of these are units or empty, and one is that of a frequency: the row of units below one of names."""
     every = (HERTZ, OHM, SIEMENS, HENRY, FARAD, ANGLE, DBUV, DBM)
-    known = all(not text or text in _OTHER_UNITS or any(kind.factor(text) is not None for kind in every) for text in texts)
+    known = all(not text or text.strip("()[] ") in _OTHER_UNITS or any(kind.factor(text) is not None for kind in every) for text in texts)
     return known and any(HERTZ.factor(text) is not None for text in texts)

@@ -64,6 +64,8 @@ class Band:
 BAND_A = Band("A", (9e3, 150e3), 200.0, 45e-3, 500e-3, 160e-3, 10.0)
 BAND_B = Band("B", (150e3, 30e6), 9e3, 1e-3, 160e-3, 160e-3, 100.0)
 BANDS = (BAND_A, BAND_B)
+# Bandwidth of the bands C and D, which begin at 30 MHz, the end of band B.
+ABOVE_BAND_B_HZ = 120e3
 
 # Increase of level, in dB, that a pulse train of another rate needs for the same quasi-peak reading as at 25 Hz (band A) or 100 Hz (band B).
 # Pulse table of CISPR 16-1-1 from memory, not checked against the standard.
@@ -111,4 +113,6 @@ def misread(frequency_hz: FloatArray, resolution_bandwidth_hz: float, low: bool)
             wrong |= inside
         else:
             right |= inside
+    if abs(resolution_bandwidth_hz / ABOVE_BAND_B_HZ - 1) <= BANDWIDTH_TOLERANCE:
+        right |= frequency_hz >= BAND_B.span_hz[1]
     return wrong & ~right

@@ -10,7 +10,7 @@ Where scans were repeated, the highest reading of a detector counts, and a final
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -20,6 +20,7 @@ from motoremi.arrays import BoolArray, JsonDict
 from motoremi.data.kernels import steps_beside
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import misread
+from motoremi.emission.doubts import NEAR_DB, SCATTER_DB, contradictions, impossible_levels, reads_as_final, surroundings
 from motoremi.emission.finals import Rules, tops
 from motoremi.emission.judge import ORDER, WORST_FIRST, Judged, Verdict, levels_in_words, line_for, overall, place_of, where_in_words
 from motoremi.emission.limit import Limit, LimitLine
@@ -36,12 +37,6 @@ GAP = 4.0
 LISTED = 4
 # A maximum of a scan is the same as one that was measured again if it is nearer than this.
 APART_HZ = Rules().apart_hz
-# Final values are taken of maxima that are nearer to the limit than this; lower ones are often noise of the receiver, which its attenuator shifts.
-NEAR_DB = Rules().margin_db
-# Readings of one detector at a running motor, one after the other, differ by a few dB.
-SCATTER_DB = 6.0
-# With less time at a point the linear average is no final value.
-FINAL_DWELL_S = 1.0
 # Noise is equal at two points in a row of two scans at most every second time, however coarse the resolution: at so many once in a million.
 CHANGES = 20
 
@@ -114,7 +109,7 @@ def compliance(
     guard_db : float
         Expanded uncertainty.
     background : sequence of Spectrum, optional
-        Scans with the motor off, corrected; they only show whether the receiver measured anew for each scan.
+        Scans with the motor off, corrected.
     """
     found: list[tuple[Verdict | None, str]] = []
     gaps: list[Gap] = []
@@ -131,7 +126,13 @@ def compliance(
             peak = lines.pop("peak")
             lines["quasi-peak"] = peak if peak.verdict == "pass" else lines["quasi-peak"]
         where = where_in_words(*place)
+        own_background = [spectrum for spectrum in background if _home(place_of(spectrum), scanned) == place]
         found += [(one.verdict, f"{where}: {one.reason}" if where and one.reason else one.reason) for one in lines.values()]
+        # Beside a level that fails, others that read too little change nothing.
+        fails = any(one.verdict == "fail" for one in lines.values())
+        doubts = [*(() if fails else contradictions(own, own_finals, own_background, limit)), *impossible_levels(own, limit)]
+        found += [(None, f"{where}: {text}" if where else text) for text in doubts]
+        found += [("pass", f"{where}: {text}" if where else text) for text in surroundings(own, own_background, of_place)]
         gaps += [Gap(detector, *span, *place) for detector, one in lines.items() for span in _joined(one.missing)]
     found += [("marginal", text) for text in (*_unchanged([*background, *spectra]), *_left_out(spectra))]
     worst = min((verdict for verdict, _ in found), key=WORST_FIRST.index, default=None)
@@ -228,7 +229,7 @@ def _contradicted(exact: Sequence[Spectrum], finals: Sequence[Spectrum], line: L
     Both are measurements of the same, so the higher reading counts.
     """
     found: list[tuple[float, str]] = []
-    for scan in (one for one in exact if _is_final(one)):
+    for scan in (one for one in exact if reads_as_final(one)):
         margin = line.level_dbuv(scan.frequency_hz) - scan.level_dbuv
         comparable = np.isfinite(margin) & ~scan.overload & ~_reads(scan, low=False)
         for final in finals:
@@ -247,16 +248,6 @@ def _contradicted(exact: Sequence[Spectrum], finals: Sequence[Spectrum], line: L
     return min(found)[1] if found else ""
 
 
-def _is_final(scan: Spectrum) -> bool:
-    """Whether a scan by a limit's own detector reads no higher than a final value would.
-
-    A meter that had too little time reads lower; only the linear average over a part of a burst reads higher than over a second.
-    """
-    settings = scan.metadata.get("settings")
-    dwell = settings.get("dwell_s") if isinstance(settings, Mapping) else None
-    return scan.detector != "average" or not isinstance(dwell, (int, float)) or dwell >= FINAL_DWELL_S
-
-
 def _within(scan: Spectrum, final: Spectrum) -> BoolArray:
     """Points of a scan that a final measurement covers."""
     before, after = steps_beside(scan.frequency_hz)
@@ -269,7 +260,7 @@ def _not_read_again(exact: Sequence[Spectrum], higher: Sequence[Spectrum], final
     margins: list[tuple[float, float]] = []
     for scan in (*exact, *higher):
         margin = line.level_dbuv(scan.frequency_hz) - scan.level_dbuv
-        if scan in exact and _is_final(scan):
+        if scan in exact and reads_as_final(scan):
             known = np.any([_within(scan, final) for final in finals], axis=0)
         else:
             known = np.min(np.abs(known_hz[:, None] - scan.frequency_hz), axis=0) < APART_HZ

@@ -18,6 +18,10 @@ from motoremi.data.text_file import show_name
 from motoremi.data.toml_file import parse_toml, read_toml
 from motoremi.errors import BadInput
 
+# Keys of a limit's file and of each of its lines.
+KEYS, LINE_KEYS = ("title", "port", "lisn", "note", "unit", "line"), ("detector", "segments", "confirmed", "source")
+# No CISPR band begins below.
+LOWEST_HZ = 9e3
 LEVEL_UNITS = tuple(dict.fromkeys(UNITS.values()))
 
 
@@ -135,12 +139,16 @@ def find_limit(name: str | Path) -> Limit:
 
 
 def _limit(content: JsonDict, name: str, shown: str) -> Limit:
+    _refuse_other_keys(content, KEYS, shown)
     lines = content.get("line")
     if not isinstance(lines, list) or not lines:
         raise BadInput(f"{shown}: a limit needs at least one [[line]] with a detector and segments")
     parsed = tuple(_line(entry, shown) for entry in lines)
     if len({line.detector for line in parsed}) < len(parsed):
         raise BadInput(f"{shown}: two lines for one detector")
+    for detector, last_hz in ((line.detector, line.segments[-1][1]) for line in parsed):
+        if last_hz <= LOWEST_HZ:
+            raise BadInput(f"{shown}, {detector}: the segments end at {last_hz:g} Hz; frequencies are in hertz, as in [150000, 500000, 66, 56]")
     plain = {
         key: clean_text(str(content.get(key, default)), 200) for key, default in (("title", name), ("port", ""), ("lisn", "50uH"), ("note", ""))
     }
@@ -150,10 +158,18 @@ def _limit(content: JsonDict, name: str, shown: str) -> Limit:
     return Limit(clean_text(name), plain["title"], parsed, plain["port"], plain["lisn"], plain["note"], unit)
 
 
+def _refuse_other_keys(table: JsonDict, known: tuple[str, ...], shown: str) -> None:
+    """Refuse keys that have no meaning: levels are always interpolated over the logarithm of frequency, for example."""
+    for key in table:
+        if key not in known:
+            raise BadInput(f"{shown}: the key {clean_text(str(key), 40)!r} is unknown; use {', '.join(known)}")
+
+
 def _line(entry: Any, shown: str) -> LimitLine:
     detector = entry.get("detector") if isinstance(entry, dict) else None
     if detector not in DETECTORS:
         raise BadInput(f"{shown}: a limit line belongs to a detector: write detector = one of {', '.join(DETECTORS)}")
+    _refuse_other_keys(entry, LINE_KEYS, f"{shown}, {detector}")
     segments: list[tuple[float, float, float, float]] = []
     for segment in entry.get("segments", []):
         numbers = [value for value in segment if isinstance(value, (int, float)) and math.isfinite(value)] if isinstance(segment, list) else []

@@ -13,6 +13,7 @@ from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import band_of
 from motoremi.emission.judge import levels_in_words, place_of
+from motoremi.emission.limit import LOWEST_HZ
 from motoremi.errors import BadInput
 from motoremi.quantities import show
 from motoremi.threads import one_blas_thread
@@ -26,8 +27,6 @@ FALSE_COMB = 1e-3
 _TRIES = 9
 # Range of the commutation rates of small and large motors.
 COMMUTATION_HZ = (50.0, 20e3)
-# No CISPR band begins below.
-LOWEST_HZ = 9e3
 # In bandwidths: half of one, and what rounding of written frequencies adds.
 LARGEST_STEP = 0.505
 # Peak minus average is at least this for noise and for separate pulses; it is 0 for lines.

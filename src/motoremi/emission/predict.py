@@ -164,7 +164,8 @@ class Prediction:
         }
 
     def __repr__(self) -> str:
-        lines = [f"Prediction: {self.verdict} ({self.judged_what}, {self.limit.title})"]
+        what, guard = "Prediction" if self.predicted_dbuv else "Levels", f"guard band {self.expanded_uncertainty_db:.3g} dB"
+        lines = [f"{what}: {self.verdict} ({self.judged_what}, {self.limit.title}, {guard})"]
         lines += [f"  corrected for {one.name} ({one.kind})" for one in self.corrections.role("receiver")]
         lines += [f"  why: {reason}" for reason in self.reasons]
         lines += [f"  {one.what}: {one.verdict or 'no verdict'}, {one.why}" for one in self.judged]
@@ -252,8 +253,7 @@ def predict(
         refuse_other(spectrum, Spectrum, "spectra are a list of Spectrum, and nothing else in it")
     chosen = replace(setup if setup is not None else Setup(), corrections=corrections)
     bound = limit if isinstance(limit, Limit) else find_limit(limit)
-    if corrections.level_unit != bound.unit:
-        raise BadInput(f"the corrected levels are in {corrections.level_unit}, but {bound.title} is in {bound.unit}: choose a limit for them")
+    refuse_other_unit(corrections, bound)
     guard_db = float(np.hypot(expanded_uncertainty_db, corrections.uncertainty_db()))
     readings, _ = split(spectra)
     running, background = split([corrections.corrected_spectrum(spectrum) for spectrum in spectra])
@@ -296,6 +296,12 @@ def predict(
         values,
         shown.gaps,
     )
+
+
+def refuse_other_unit(corrections: Corrections, limit: Limit) -> None:
+    """Refuse a limit in another unit than the corrected levels."""
+    if corrections.level_unit != limit.unit:
+        raise BadInput(f"the corrected levels are in {corrections.level_unit}, but {limit.title} is in {limit.unit}: choose a limit for them")
 
 
 def motor_function(motor: Fit | MotorImpedance, setup: Setup) -> Callable[[FloatArray], np.ndarray]:

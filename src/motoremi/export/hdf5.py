@@ -56,7 +56,7 @@ def hdf5_bytes(session: Session, fit: Fit | None) -> bytes:
                 group = file.create_group(f"{place}/{number}")
                 group["reading_dbuv"] = read.level_dbuv
                 group["frequency_hz"], group["level_dbuv"], group["overload"] = spectrum.frequency_hz, spectrum.level_dbuv, spectrum.overload
-                group.attrs["detector"] = spectrum.detector
+                group.attrs["detector"], group.attrs["level_unit"] = spectrum.detector, spectrum.level_unit
                 group.attrs["resolution_bandwidth_hz"] = spectrum.resolution_bandwidth_hz
                 group.attrs["metadata"] = to_page(spectrum.metadata)
         if fit is not None:

@@ -140,7 +140,11 @@ def to_xarray(session: Session) -> xr.Dataset:
     for kind, spectra in (("spectrum", session.corrected_spectra), ("final", session.corrected_finals)):
         for number, spectrum in enumerate(spectra, start=1):
             axis = f"{kind}_{number}_frequency_hz"
-            of_detector = {"detector": spectrum.detector, "resolution_bandwidth_hz": spectrum.resolution_bandwidth_hz}
+            of_detector = {
+                "detector": spectrum.detector,
+                "units": spectrum.level_unit,
+                "resolution_bandwidth_hz": spectrum.resolution_bandwidth_hz,
+            }
             coordinates = {axis: spectrum.frequency_hz}
             arrays[f"{kind}_{number}_dbuv"] = xr.DataArray(spectrum.level_dbuv, dims=(axis,), coords=coordinates, attrs=of_detector)
     return xr.Dataset(arrays, attrs={"session": session.path.name, "simulated": int(session.simulated)})

@@ -8,10 +8,11 @@ from datetime import date, timedelta
 
 from motoremi.arrays import JsonDict
 from motoremi.data.laboratory import Equipment
+from motoremi.data.origin import measured_on
 from motoremi.data.session import Session
 from motoremi.quantities import parse
 from motoremi.report.contents import Materials, Section, Table
-from motoremi.report.identity import imported_files
+from motoremi.report.identity import imported_files, measured_items
 
 NOT_STATED = "not stated"
 # Settings of an analyser that name a piece of equipment.
@@ -64,9 +65,11 @@ def equipment_of(materials: Materials) -> tuple[Item, ...]:
 
 
 def overdue(materials: Materials) -> list[str]:
-    """Equipment that was used after its calibration was due."""
-    used = _used_on(materials.session)
-    return [f"the calibration of the {one.kind} {one.name} was due on {one.due}" for one in equipment_of(materials) if _is_late(one, used)]
+    """Equipment that was used after its calibration was due, or before the calibration that is stated."""
+    used, items = _used_on(materials.session), equipment_of(materials)
+    found = [f"the calibration of the {one.kind} {one.name} was due on {one.due}" for one in items if _is_late(one, used)]
+    later = [one for one in items if used and one.calibrated > used]
+    return found + [f"the calibration of the {one.kind} {one.name} is dated {one.calibrated}, after the measurement" for one in later]
 
 
 def not_stated(materials: Materials) -> list[str]:
@@ -142,9 +145,18 @@ def _with_due(item: Item, days: float | None) -> Item:
 
 
 def _used_on(session: Session) -> str:
-    """The last day of a run; empty for imported data, whose date is uncertain."""
-    times = [str(d.get("time", ""))[:10] for d in session.used_documents if d["kind"] in ("sweep", "spectrum", "final")]
-    return "" if imported_files(session) or not times else max(times)
+    """The last day of a run, or the last day that imported files state; empty if they state none."""
+    if imported_files(session):
+        days = [measured_on(item.metadata)[:10] for item in measured_items(session)]
+        return max((day for day in days if _is_day(day)), default="")
+    return max((str(d.get("time", ""))[:10] for d in session.used_documents if d["kind"] in ("sweep", "spectrum", "final")), default="")
+
+
+def _is_day(text: str) -> bool:
+    try:
+        return date.fromisoformat(text).isoformat() == text
+    except ValueError:
+        return False
 
 
 def _is_late(item: Item, used: str) -> bool:

@@ -118,7 +118,8 @@ def _emission(materials: Materials) -> Box:
     if diagnosis is not None:
         lines.append(("Diagnosis of the spectra", _emission_cause(diagnosis), "plain"))
     verdict = f"{str(prediction['verdict']).upper()} ({prediction['judged_what']} levels)"
-    return Box("Conducted emission", tuple(lines), (f"Emission against {prediction['limit']['title']}", verdict, mood))
+    doubt = " (values not confirmed)" if any(not line["confirmed"] for line in prediction["limit"].get("lines", ())) else ""
+    return Box("Conducted emission", tuple(lines), (f"Emission against {prediction['limit']['title']}{doubt}", verdict, mood))
 
 
 def _levels(judged: JsonDict) -> str:

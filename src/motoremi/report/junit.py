@@ -56,7 +56,10 @@ def _emission_suite(root: Element, prediction: JsonDict) -> None:
     As for `motoremi predict`, a marginal level does not fail, but its case says so.
     """
     suite = SubElement(root, "testsuite", name="emission")
-    _properties(suite, {"limit": prediction["limit"]["title"], "judged": prediction["judged_what"], "verdict": prediction["verdict"]})
+    limit = prediction["limit"]
+    confirmed = "yes" if all(line["confirmed"] for line in limit.get("lines", ())) else "no: check the values against the standard"
+    known = {"limit": limit["title"], "limit_confirmed": confirmed, "judged": prediction["judged_what"], "verdict": prediction["verdict"]}
+    _properties(suite, known)
     for one in prediction["judged"]:
         case = SubElement(suite, "testcase", classname="motoremi.emission", name=_legal(f"{levels_of(one)} levels, {one['line']} limit"))
         why = _legal(str(one["why"]))

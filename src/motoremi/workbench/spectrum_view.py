@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from motoremi.arrays import JsonDict
+from motoremi.emission.judge import place_of
 from motoremi.emission.limit import find_limit, limit_names
-from motoremi.emission.predict import DEFAULT_LIMIT
 from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
 from motoremi.workbench.thinning import Band, seen
 from motoremi.workbench.views import rounded
-from motoremi.workflow_emission import has_motor, predict_session
+from motoremi.workflow_emission import has_motor, limit_of, predict_session
 
 
 def spectra(desk: Desk, band_hz: Band | None = None) -> JsonDict:
@@ -20,6 +22,8 @@ def spectra(desk: Desk, band_hz: Band | None = None) -> JsonDict:
             {
                 "detector": one.detector,
                 "condition": one.condition,
+                "line": place_of(one)[0],
+                "operating": place_of(one)[1],
                 "background": one.is_background,
                 "points": len(one),
                 "frequency_hz": rounded(one.frequency_hz[kept]),
@@ -32,9 +36,20 @@ def spectra(desk: Desk, band_hz: Band | None = None) -> JsonDict:
         ],
         "prediction": session.analysis("prediction"),
         "modelled": has_motor(session),
-        "usual_limit": DEFAULT_LIMIT,
-        "limits": {name: find_limit(name).title for name in limit_names()},
+        "limit": limit_of(session),
+        "limits": _limits(limit_of(session)),
     }
+
+
+def _limits(chosen: str) -> dict[str, str]:
+    """Titles of the built-in limits, and of the user's own if the session has one."""
+    titles = {name: find_limit(name).title for name in limit_names()}
+    if chosen not in titles:
+        try:
+            titles[chosen] = find_limit(chosen).title
+        except BadInput:  # its file was moved
+            titles[chosen] = Path(chosen).stem
+    return titles
 
 
 def predict(desk: Desk, limit: str) -> None:
@@ -43,9 +58,9 @@ def predict(desk: Desk, limit: str) -> None:
     Raises
     ------
     BadInput
-        For any limit that is not built in: a page cannot name files.
+        For any limit that is neither built in nor the session's own: a page cannot name files.
     """
-    if limit and limit not in limit_names():
+    if limit and limit not in (*limit_names(), limit_of(desk.session)):
         raise BadInput(f"there is no limit of that name; choose one of {', '.join(limit_names())}")
     if has_motor(desk.session) and not desk.steps:
         raise BadInput("a prediction needs the motor's model: fit this session first (view Story)")

@@ -14,7 +14,7 @@ export const emission = {
 
   draw(where, data, page) {
     const { spectra, prediction } = data;
-    const limit = h("select", { id: "limit" }, Object.entries(data.limits).map(([name, title]) => h("option", { value: name, selected: name === (prediction?.limit?.name ?? data.usual_limit) }, title)));
+    const limit = h("select", { id: "limit" }, Object.entries(data.limits).map(([name, title]) => h("option", { value: name, selected: name === data.limit }, title)));
     if (spectra.length && (page.head.ladder.length || !data.modelled)) {
       where.append(h("div", { class: "row" }, h("label", {}, term("limit", "Limit"), " ", limit), button(data.modelled ? (prediction ? "Predict again" : "Predict from the fitted motor") : "Judge against the limit", () => predict(page, limit.value), { class: "main", id: "predict" })));
     }
@@ -23,7 +23,7 @@ export const emission = {
     where.append(columns);
     for (const detector of [...new Set(spectra.map((one) => one.detector))]) {
       const own = spectra.filter((one) => one.detector === detector);
-      const box = card("", ...own.map((one) => h("p", { class: "note" }, `${one.condition}: ${symbols(one.summary)}`, one.overload > 0 && h("span", { class: "bad" }, ` ${one.overload} points overloaded`))));
+      const box = card("", ...own.map((one) => h("p", { class: "note" }, `${placeOf(one)}: ${symbols(one.summary)}`, one.overload > 0 && h("span", { class: "bad" }, ` ${one.overload} points overloaded`))));
       box.firstChild.append(term(detector, `${detector} detector`));
       columns.append(box);
       const more = (span) => page.attempt(async () => frames(await get(within(sessionPath(page.session, "/emission"), span)), detector));
@@ -33,8 +33,11 @@ export const emission = {
   },
 };
 
+// Condition, line of the LISN and operating state of a spectrum.
+const placeOf = (one) => [one.condition, one.line && `line ${one.line}`, one.operating].filter(Boolean).join(", ");
+
 function frames({ spectra, prediction }, detector) {
-  const lines = spectra.filter((one) => one.detector === detector).map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: one.condition, color: one.background ? "--soft" : "--measured", width: 1 }));
+  const lines = spectra.filter((one) => one.detector === detector).map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: placeOf(one), color: one.background ? "--soft" : "--measured", width: 1 }));
   const predicted = prediction?.predicted_dbuv?.[detector];
   if (predicted) lines.push({ x: prediction.frequency_hz, values: predicted, label: "predicted", color: "--model" });
   for (const [label, values, dash] of limits(prediction, detector)) lines.push({ x: prediction.frequency_hz, values, label, color: "--limit", dash });
