@@ -20,6 +20,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import label_remarks
 from motoremi.data.repeats import UNLIKE
 from motoremi.data.session import Session, SessionWriter, StorageError, load, refuse_unfinished, reopen
+from motoremi.data.single_values import REMEDY, disagreements
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.sweep import ImpedanceSweep, checked_accuracy, group_repeats
 from motoremi.emission.limit import find_limit
@@ -272,7 +273,7 @@ def addition(
     left_out = {name for sweep in measurement.sweeps for name in sweep.left_out}
     averaged = [sweep for sweep in corrected if sweep.metadata.get("source") not in left_out]
     unlike = (*_disagreeing(measurement, own), *_unlike_stored(before, averaged))
-    caveats = (*measurement.copies(), *labels, *unlike, *_without_use(measurement, own, values))
+    caveats = (*measurement.copies(), *labels, *unlike, *_without_use(measurement, own, values), *_contradicting((*session.values, *values)))
     empties_ladder = bool(session.ladder) and not same_repeats(before, measurement)
     return replace(beside, sweeps=tuple(own), values=tuple(values), caveats=(*caveats, *beside.caveats), empties_ladder=empties_ladder)
 
@@ -406,6 +407,10 @@ def _difference(apart: float, ratio: ComplexArray) -> str:
     return f"by {percent(100 * apart, 2)} of |Z|" if apart < 1 else f"by a factor of {float(np.median(np.abs(ratio))):.3g}"
 
 
+def _contradicting(values: Sequence[SingleValue]) -> list[str]:
+    return [f"{text}; {REMEDY}" for text in disagreements(values)]
+
+
 def prepared(
     sweeps: Sequence[ImpedanceSweep],
     spectra: Sequence[Spectrum],
@@ -463,7 +468,7 @@ def prepared(
     caveats = []
     if measurement is not None:
         left_out = {name for sweep in measurement.sweeps for name in sweep.left_out}
-        caveats = [*measurement.caveats(), *_unlike_repeats(known, left_out), *_without_use(measurement, own, values)]
+        caveats = [*measurement.caveats(), *_unlike_repeats(known, left_out), *_without_use(measurement, own, values), *_contradicting(values)]
     caveats += chain.remarks()
     caveats += import_notes(spectra)
     seen = tuple(observations(corrected))

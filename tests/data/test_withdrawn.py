@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import document, motoremi
+from few_effects import seeking
 
 from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.session import is_up_to_date, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.fleet.work import Job
-from motoremi.workflow import ladder_of, measurement_of
+from motoremi.workflow import diagnose_session, ladder_of, measurement_of, opened
 from motoremi.workflow_withdraw import restore_withdrawn, withdraw
 
 FREQUENCY_HZ = np.geomspace(150e3, 30e6, 101)
@@ -163,3 +164,31 @@ def test_a_withdrawn_file_that_was_changed_is_still_refused(session: Path) -> No
     file.write_text(file.read_text().replace("1", "2"))
     with pytest.raises(BadInput, match="was changed after it was stored"):
         load(session)
+
+
+def test_one_of_two_values_of_one_name_is_withdrawn_by_its_number(session: Path) -> None:
+    added = motoremi("import", session, "--append", "--value", "dc-resistance=21.3mohm+-0.1mohm")
+    assert "note: dc-resistance was measured as 21.3 Ohm and as 21.3 mOhm, " in added.stdout
+    assert "standard deviations apart; withdraw the wrong one: motoremi withdraw SESSION NAME-2 for the second that was given" in added.stdout
+    with pytest.raises(BadInput, match="there are short-1, short-2, short-3, dc-resistance-1, dc-resistance-2"):
+        withdraw(session, ["dc-resistance-3"], "x")
+    withdraw(session, ["dc-resistance-1"], "ohm in place of milliohm")
+    (value,) = load(session).values
+    assert value.value_si == pytest.approx(0.0213)
+    restore_withdrawn(session, ["dc-resistance-1"])
+    assert len(load(session).values) == 2
+
+
+@pytest.mark.slow
+def test_values_that_contradict_each_other_are_a_serious_finding(session: Path) -> None:
+    withdraw(session, ["short-3", "dc-resistance"], "another winding; ohm in place of milliohm")
+    assert (
+        motoremi("import", session, "--append", "--value", "dc-resistance=0.8ohm+-5mohm", "--value", "dc-resistance=1.2ohm+-5mohm").returncode == 0
+    )
+    with seeking({"skin-effect", "core-loss"}), opened(session) as store:
+        found = diagnose_session(store)
+    (finding,) = (one for one in found.findings if one.id == "values-disagree")
+    assert finding.serious
+    assert finding.why == "dc-resistance was measured as 800 mOhm and as 1.2 Ohm, 57 standard deviations apart"
+    assert found.verdict == "adequate"
+    assert found.confidence <= 0.96

@@ -168,3 +168,41 @@ def test_sweeps_of_which_an_effect_is_named_show_a_circuit(monkeypatch):
         said = " ".join(finding.why for finding in of_the_amount(fit, fit, named))  # type: ignore[arg-type]
         assert ("show no circuit" in said) != named
         assert "no open-circuit sweep" in said
+
+
+def nanovna_to_900_mhz(seed: int) -> list[me.ImpedanceSweep]:
+    """A small motor behind 30 nH of leads that nobody compensated, in equal steps: beyond 100 MHz the leads are most of what is measured."""
+    frequency = np.linspace(50e3, 900e6, 401)
+    s = 2j * np.pi * frequency
+    short = 1 / (1 / (8 + s * 14e-6) + s * 90e-12) + s * 30e-9
+    frame = 1 / (1 / (35 + s * 0.4e-6 + 1 / (s * 420e-12)) + s * 160e-12)
+    noise = np.random.default_rng(seed).standard_normal((2, 401, 2)) @ [1, 1j]
+    seen = [(one - 50) / (one + 50) + 3e-4 * scatter for one, scatter in zip((short, short + frame), noise, strict=True)]
+    pairs = zip(("short", "open"), seen, strict=True)
+    return [me.ImpedanceSweep(termination, frequency, 50 * (1 + one) / (1 - one)) for termination, one in pairs]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [4, 11])
+def test_leads_that_are_most_of_what_a_nanovna_measures_hide_no_motor_and_are_no_effect(seed):
+    """The circuit alone misses most points by far; a resonance beyond the band was ahead by e^140, with errors of 2.5 specifications."""
+    with seeking({"second-resonance", "lead-inductance", "supply-cable", "suppressor-choke"}):
+        found = me.diagnose(me.fit(me.dc_motor(), nanovna_to_900_mhz(seed), analyser="nanovna"))
+    assert found.verdict == "adequate"
+    assert found.base.parameters["Cr"] == pytest.approx(420e-12, rel=0.02)
+    assert found.base.nuisance["fixture L"] == pytest.approx(30e-9, rel=0.02)
+    serious = {finding.id for finding in found.findings if finding.serious}
+    assert serious == {"not-compensated", "too-little"}
+    assert not [finding.why for finding in found.findings if "show no circuit" in finding.why]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_capacitor_with_an_ideal_analyser_shows_a_circuit(seed):
+    """It determines no single element of the circuit, but the analyser has no errors that could be as large."""
+    frequency = np.geomspace(150e3, 30e6, 301)
+    s = 2j * np.pi * frequency
+    noise = 2e-3 * np.random.default_rng(seed).standard_normal((301, 2)) @ [1, 1j]
+    sweep = me.ImpedanceSweep("open", frequency, (0.05 + s * 8e-9 + 1 / (s * 1e-9)) * (1 + noise))
+    fit = me.fit(me.dc_motor(), [sweep], analyser="none")
+    assert not shows_nothing(fit)

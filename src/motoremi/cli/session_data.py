@@ -186,8 +186,11 @@ def _not_named(sweeps: Sequence[ImpedanceSweep]) -> str:
     from motoremi.data.declaration import declared_analyser, is_compensated
 
     text = "analyser not named: the size of its errors is estimated from the data; give --analyser NAME if you know it"
-    if not declared_analyser(sweeps)[0].by_waves:
+    analyser = declared_analyser(sweeps)[0]
+    if not analyser.by_waves:
         return f"{text} (none for ideal data)"
+    if analyser.name.endswith("-through"):
+        return f"{text}. Transmissions are taken for those of a network analyser"
     if not all(is_compensated(sweep) for sweep in sweeps):
         text += ", and --compensated if it was calibrated at the motor's terminals"
     return f"{text}. Reflections are taken for those of a network analyser"

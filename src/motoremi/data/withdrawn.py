@@ -42,6 +42,16 @@ def name_of(document: JsonDict) -> str:
     return str(document.get("name")) if document["kind"] == "value" else PurePosixPath(str(document.get("file"))).stem
 
 
+def _own_names(measured: Sequence[JsonDict]) -> dict[int, str]:
+    """Sequence number -> name; of several values with one name each has its number."""
+    names = [name_of(document) for document in measured]
+    every = {document["seq"]: name for document, name in zip(measured, names, strict=True)}
+    for at, document in enumerate(measured):
+        if document["kind"] == "value" and names.count(names[at]) > 1:
+            every[document["seq"]] = f"{names[at]}-{names[: at + 1].count(names[at])}"
+    return every
+
+
 def called(documents: Sequence[JsonDict], name: str, withdrawn: bool) -> list[int]:
     """Sequence numbers of the withdrawn, or of the used, measurements of this name.
 
@@ -50,7 +60,7 @@ def called(documents: Sequence[JsonDict], name: str, withdrawn: bool) -> list[in
     documents : sequence of dict
         All of the session.
     name : str
-        As in `name_of`, or the file of a sweep or spectrum.
+        As in `name_of`, or the file of a sweep or spectrum; `dc-resistance-2` is the second of several values.
     withdrawn : bool
         Whether those that are withdrawn are sought.
 
@@ -62,13 +72,14 @@ def called(documents: Sequence[JsonDict], name: str, withdrawn: bool) -> list[in
     gone = withdrawals(documents)
     measured = [document for document in documents if document["kind"] in KINDS]
     wanted = name.removeprefix("./").removeprefix("sweeps/").removeprefix("spectra/").removesuffix(".csv")
-    of_name = [document for document in measured if name_of(document) == wanted]
+    own = _own_names(measured)
+    of_name = [document for document in measured if wanted in (name_of(document), own[document["seq"]])]
     found = [int(document["seq"]) for document in of_name if (document["seq"] in gone) == withdrawn]
     if found:
         return found
     shown = clean_text(repr(name), 80)
     if of_name:
         raise BadInput(f"{shown} {'is not withdrawn' if withdrawn else 'is withdrawn already'}")
-    names = dict.fromkeys(name_of(document) for document in measured if not withdrawn or document["seq"] in gone)
+    names = dict.fromkeys(own[document["seq"]] for document in measured if not withdrawn or document["seq"] in gone)
     what = "withdrawn sweep, spectrum or value" if withdrawn else "sweep, spectrum or single value"
     raise BadInput(f"no {what} is called {shown}; there {'is' if len(names) == 1 else 'are'} {', '.join(names) or 'none'}")

@@ -29,6 +29,7 @@ from motoremi.diagnosis.findings import (
     of_the_noise,
     of_the_resistance,
     of_the_sweeps,
+    of_the_values,
     repeats_disagree_in,
     shows_nothing,
     the_same_twice,
@@ -82,7 +83,9 @@ SHORT_STRAP_H = 30e-9
 # Largest number of names in a family; the probability of further members is subtracted from the confidence.
 LARGEST_FAMILY = 6
 # Serious findings for which the verdict is `data` if no model is accepted.
-ABOUT_THE_DATA = frozenset({"wrong-phase", "sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance"})
+ABOUT_THE_DATA = frozenset(
+    {"wrong-phase", "sweeps-disagree", "interference", "drift", "correlated-noise", "negative-resistance", "values-disagree"}
+)
 # Findings that make the data useless whatever the model, and the kind of their verdict.
 CONTRADICTIONS = {
     "wrong-phase": "a phase that no passive part has",
@@ -438,7 +441,7 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None, each: Map = 
     held = of_the_held(judgement.base)
     if not held and (not judgement.accepted or any(one.serious and one.id == "beyond-specification" for one in found)):
         held = of_the_held_beside_an_effect(judgement.base, each)
-    found += held + of_the_labels(fit.measurement)
+    found += held + of_the_labels(fit.measurement) + of_the_values(fit.measurement)
     found += of_the_amount(fit, (judgement.model if judgement.accepted else judgement.closest).fit, judgement.accepted and bool(judgement.named))
     if judgement.accepted and not judgement.named:
         found += of_the_hardly_seen(judgement.model.fit)
@@ -461,7 +464,8 @@ def _concluded(
     if against is not None:
         verdict = "data"
     elif unknown and judgement.accepted:
-        verdict = "unexplained"
+        # What departs from every explanation may be one of two values that contradict each other.
+        verdict = "data" if any(one.id == "values-disagree" for one in findings) else "unexplained"
     else:
         verdict = _verdict(judgement, named, families, findings, left)
     singles = [one for key, one in judgement.found.items() if len(key) == 1]
@@ -482,7 +486,8 @@ def _concluded(
         else:
             following = next_measurement(base, question, measurement.done)
     else:
-        singles.sort(key=lambda one: (one.effect not in named, bool(one.unusual), -round(probabilities[one.effect], 6), -one.score))
+        told = {name for family in families for name in family}
+        singles.sort(key=lambda one: (one.effect not in named, one.effect not in told, -probabilities[one.effect], -one.score))
         following = next_measurement(best.fit if named else base, question, measurement.done)
         if named and (correlated := _correlated(findings)) is not None:
             # Names from such data are not sure, whatever is measured besides.

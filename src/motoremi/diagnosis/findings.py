@@ -14,8 +14,10 @@ from motoremi.data.moved import student_factor
 from motoremi.data.noise import Noise
 from motoremi.data.plausible import SENTENCES, wrong_phase
 from motoremi.data.repeats import UNLIKE
+from motoremi.data.single_values import REMEDY, disagreements
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.data.trace_smoothing import Smoothing, smoothing_of
+from motoremi.diagnosis.belief import MOST_ERRING_PERCENT
 from motoremi.diagnosis.candidates import ALLOWED_SIGMA
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import BEYOND_SIGMA
@@ -350,13 +352,18 @@ def of_the_labels(measurement: Measurement) -> list[Finding]:
     return [
         Finding(
             "not-as-asked",
-            f"{measurement.mislabelled.count(termination)} of the {termination}-circuit sweeps were measured with the other termination: not used",
+            f"of the {termination}-circuit sweeps, {measurement.mislabelled.count(termination)} measured with the other termination: not used",
             "check the far end of the winding before each sweep",
             False,
             termination,
         )
         for termination in dict.fromkeys(measurement.mislabelled)
     ]
+
+
+def of_the_values(measurement: Measurement) -> list[Finding]:
+    """Single values of one name that cannot both be right."""
+    return [Finding("values-disagree", text, f"measure it again, and {REMEDY}", True) for text in disagreements(measurement.values)]
 
 
 def of_the_amount(fit: Fit, nearest: Fit, named: bool = False) -> list[Finding]:
@@ -384,16 +391,20 @@ def of_the_amount(fit: Fit, nearest: Fit, named: bool = False) -> list[Finding]:
 
 
 def shows_nothing(fit: Fit) -> bool:
-    """Whether no parameter of the circuit is determined by the sweeps, or the circuit misses most points by far.
+    """Whether the analyser may err by much and no parameter of the circuit is determined, or the circuit misses most points by far.
 
-    If the resonances of winding and frame may be exchanged, their values count as determined although it is unknown which is the winding's.
+    If the resonances of winding and frame may be exchanged, their values count as determined although it is unknown which is the winding's. A
+    single capacitor in one sweep determines no element of the circuit either, but an accurate analyser shows it. What a fixture that was not
+    compensated adds counts as described: beyond its series resonance with the motor it is most of what a NanoVNA measures.
     """
     if fit.exchange is None:
         undetermined = not any(fit.determined(name) for name in fit.parameters if name not in fit.held)
     else:
         of_circuit = [index for index, p in enumerate(fit.problem.unknowns) if p.name in fit.parameters and p.scale == "log"]
         undetermined = bool(np.all(np.diag(fit.covariance)[of_circuit] > UNDETERMINED**2))
-    return undetermined or float(np.median(np.abs(np.concatenate(list(fit.errors().values()))))) > MISSED
+    may_err_percent = 100 * float(np.median(np.concatenate(fit.measurement.floors)))
+    missed = np.exp(-fit.problem.deviation(fit.unknowns)) - 1
+    return (undetermined and may_err_percent > MOST_ERRING_PERCENT) or float(np.median(np.abs(missed))) > MISSED
 
 
 def of_the_hardly_seen(model: Fit) -> list[Finding]:

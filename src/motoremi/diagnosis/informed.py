@@ -111,7 +111,7 @@ def confidence_of(rivals: Rivals, probability: float, verdict: str, before: floa
 
     After further measurements, the probability of an effect outside the catalogue is the updated one.
     """
-    if not rivals.taught:
+    if not rivals.taught or verdict == "data":
         return before
     if verdict == "unexplained":
         return max(rivals.outside, before) if departs(rivals) else before

@@ -646,7 +646,9 @@ def followed(trail: Trail, before: Fit, thorough: bool = True) -> Fit:
 def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
     """A solution on few points, refined on all points, as a fit like the one before."""
     trail, solution, before = job
-    whole = arrived_on_all(trail.task, [solution.values], solution.sizes, solution.searched)
+    # Of a network analyser a fixture may be most of what was measured.
+    described = before.measurement.analyser.by_waves and before.marginal.nothing_left >= 0.5 and before.analyser_sigma <= BEYOND_SIGMA
+    whole = arrived_on_all(trail.task, [solution.values], solution.sizes, solution.searched, wanders=not described)
     return summarise(trail.task, Found(whole, before.history, _searched(trail.task, whole)), before.method, before.seed)
 
 

@@ -16,6 +16,7 @@ from motoremi.data.analyser import DECLARED
 from motoremi.data.coarse import scatter_in_bins
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
+from motoremi.data.text import clean_text
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.band_scaling import scaled_ranges
@@ -27,7 +28,7 @@ from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Found, Solution, Task
 from motoremi.fitting.warming import displacements
 from motoremi.given import refuse_other
 from motoremi.model.circuit import Tape
-from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.effects import add_effects, find_effect, identifiers
 from motoremi.model.effects.names import as_sum
 from motoremi.model.motor import Motor, dc_motor
 from motoremi.quantities import error_bar, percent, percent_span, show
@@ -358,12 +359,19 @@ class Fit:
         return on_fits.refit_without(self, effect)
 
     def to_frame(self) -> pd.DataFrame:
-        """A pandas table of the parameters, by name: value, sigma, unit, determined."""
+        """A pandas table of the parameters, by name: value, sigma (NaN if held or at a bound), unit, determined, held, at_bound."""
         import pandas as pd
 
         units = {p.name: p.unit for p in self.motor.parameters}
         rows = {
-            name: {"value": value, "sigma": self.sigma[name], "unit": units[name], "determined": self.determined(name)}
+            name: {
+                "value": value,
+                "sigma": np.nan if name in self.held or name in self.at_bounds else self.sigma[name],
+                "unit": units[name],
+                "determined": self.determined(name),
+                "held": name in self.held,
+                "at_bound": name in self.at_bounds,
+            }
             for name, value in self.parameters.items()
         }
         return pd.DataFrame.from_dict(rows, orient="index")
@@ -500,9 +508,10 @@ class Fit:
         rest = some if left["value"] else "nothing else is undescribed"
         if self.measurement.analyser.ideal:
             return rest
+        known = "declared" if self.measurement.analyser.named else "expected of an unknown analyser"
         return (
             f"with the analyser's likely error taken off {percent(self.corrected_error_percent)} "
-            f"({self.analyser_sigma:.1f} sigma of what is declared); {rest}"
+            f"({self.analyser_sigma:.1f} sigma of what is {known}); {rest}"
         )
 
     def _repr_html_(self) -> str:
@@ -538,8 +547,9 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
     Raises
     ------
     BadInput
-        If it is not such a dictionary.
+        If it is not such a dictionary, or has an effect that is not in the catalogue.
     """
+    _refuse_unknown(payload.get("effects"))
     try:
         motor = add_effects(dc_motor(), [str(effect) for effect in payload["effects"]])
         bounds = {str(name): (float(low), float(high)) for name, (low, high) in payload["bounds"].items()}
@@ -562,6 +572,13 @@ def restore(payload: JsonDict, measurement: Measurement) -> Fit:
     solution = Solution(problem.named(u), sizes, found, converged, evaluations)
     result = summarise(task, Found(solution, history, searched), method, seed)
     return dataclasses.replace(result, elapsed_s=elapsed_s, warnings=warnings)
+
+
+def _refuse_unknown(effects: object) -> None:
+    for name in effects if isinstance(effects, list) else ():
+        if isinstance(name, str) and name not in identifiers():
+            shown = clean_text(name, 60)
+            raise BadInput(f"the stored model has the effect {shown!r}, which is not in the catalogue: give its file, --effects-from FILE.py")
 
 
 def same_error_model(payload: JsonDict, measurement: Measurement) -> bool:

@@ -129,7 +129,7 @@ def share_of_analyser(fit: Fit) -> str:
     analyser = fit.measurement.analyser
     if analyser.ideal:
         return ""
-    declared = "the errors expected of an unknown analyser" if analyser.name == "unknown" else f"the declared errors of a {analyser.name}"
+    declared = f"the declared errors of a {analyser.name}" if analyser.named else "the errors expected of an unknown analyser"
     return f"with the analyser's most likely error subtracted {percent(fit.corrected_error_percent)} ({fit.analyser_sigma:.1f} sigma of {declared})"
 
 

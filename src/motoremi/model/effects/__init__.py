@@ -118,7 +118,8 @@ def find_effect(text: str) -> AddedEffect:
             raise BadInput(f"{name} cannot be at {place}: use one of {', '.join(effect.identifiers)}")
         return AddedEffect(effect, f"{name}@{place}" if place else name, place)
     close = difflib.get_close_matches(text, identifiers(), n=1)
-    hint = f"did you mean {close[0]}?" if close else "'motoremi effects' lists the catalogue"
+    own = "; for one of your own give its file, --effects-from FILE.py"
+    hint = f"did you mean {close[0]}?" if close else f"'motoremi effects' lists the catalogue{own}"
     raise BadInput(f"unknown effect {text!r}: {hint}")
 
 
