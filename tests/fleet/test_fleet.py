@@ -11,6 +11,7 @@ from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from command_line import motoremi
 from typer.testing import CliRunner
@@ -195,7 +196,11 @@ def test_the_command(folder, tmp_path):
     page = (tmp_path / "out" / "fleet.html").read_text()
     assert "Fleet report" in page
     assert not re.search(r'(?:src|href)="http', page)
-    assert len((tmp_path / "out" / "parameters.csv").read_text().splitlines()) == 7
+    table = pd.read_csv(tmp_path / "out" / "parameters.csv", index_col="session")
+    assert len(table) == 6
+    assert list(table.columns[:4]) == ["Ra_ohm", "Ra_ohm_sigma", "La_h", "La_h_sigma"]
+    assert (table["La_h_sigma"] > 0).all()
+    assert (table["La_h_sigma"] < 0.1 * table["La_h"]).all()
     with pytest.raises(BadInput, match="no sessions"):
         sessions_in(tmp_path / "out")
 

@@ -12,7 +12,7 @@ import motoremi as me
 from motoremi.blind import hard, scoreboard
 from motoremi.blind.cases import Case
 from motoremi.data.plain import plain
-from motoremi.fleet.fleet_frames import frames_of
+from motoremi.fleet.fleet_frames import frames_of, table_of
 from motoremi.fleet.run import RESULTS
 from motoremi.fleet.statistics import fleet_figures
 
@@ -97,6 +97,18 @@ def result(number: int, inductance: float) -> dict:
     }
     best = {"converged": True, "parameters": parameters, "rms_error_percent": 0.1 * number}
     return {"session": f"m{number:02d}", "status": "done", "time": f"2026-01-{number:02d}T00:00:00+00:00", "serial": f"A-{number}", "best": best}
+
+
+def test_a_diagnosed_fleet_has_the_answers_and_the_error_bars_beside_the_values(tmp_path):
+    answer = {"verdict": "missing-effect", "effects": ["core-loss", "lead-inductance"], "confidence": 0.75, "findings": []}
+    results = [{**result(1, 1e-5), "diagnosis": answer}, result(2, 2e-5)]
+    results[0]["best"]["parameters"]["La"]["sigma"] = 2e-8
+    figures = fleet_figures(results)
+    tables = frames_of(figures)
+    assert tables["values"].loc["m01", ["verdict", "effects", "confidence"]].tolist() == ["missing-effect", "core-loss + lead-inductance", 0.75]
+    assert tables["values"]["verdict"].isna().tolist() == [False, True]
+    assert tables["sigma"].loc["m01", "La_h"] == pytest.approx(2e-8)
+    assert list(table_of(figures).columns[:3]) == ["La_h", "La_h_sigma", "Cf_f"]
 
 
 def test_a_fleet_has_its_units_in_the_names_of_its_columns(tmp_path):

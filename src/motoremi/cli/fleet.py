@@ -56,7 +56,7 @@ def fleet_(
             maker.close()
     figures = fleet_figures(settled(work, target / RESULTS), golden)
     # The values of each session are in the table.
-    shown = {key: value for key, value in figures.items() if key not in ("values", "times", "serials")}
+    shown = {key: value for key, value in figures.items() if key not in ("values", "sigma", "answers", "times", "serials")}
     write_whole(target / "fleet.json", to_page(shown).encode())
     write_whole(target / "parameters.csv", _parameter_table(figures).encode())
     write_whole(target / "fleet.html", fleet_html(figures, folder.name).encode())
@@ -81,11 +81,9 @@ def fleet_(
 
 
 def _parameter_table(figures: JsonDict) -> str:
-    import pandas as pd
+    from motoremi.fleet.fleet_frames import table_of
 
-    table = pd.DataFrame(figures["values"]).sort_index()
-    table.index.name = "session"
-    return str(table.to_csv(lineterminator="\n"))
+    return str(table_of(figures).to_csv(lineterminator="\n"))
 
 
 def register(app: typer.Typer) -> None:

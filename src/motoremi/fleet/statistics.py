@@ -60,7 +60,8 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         `counts`, `diagnosed` (sessions in which effects and findings were looked for), `verdicts`, `effects`, `findings` (each serious one with its
         sessions), `parameters` (n, median, robust spread, quantiles), `undetermined` (sessions whose data do not determine a parameter, which are
         not compared by it), `drift`, `outliers`, `limits`, `no_limits` (why there are none although golden sessions were named, else empty),
-        `beyond_limits`, `troubles`; and `values`, the columns behind them.
+        `beyond_limits`, `troubles`; and `values`, the columns behind them, with `sigma`, their standard deviations, and `answers`, the verdict,
+        effects and confidence of each session that was diagnosed.
 
     Raises
     ------
@@ -74,6 +75,7 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
     findings: dict[str, list[str]] = defaultdict(list)
     undetermined: dict[str, list[str]] = defaultdict(list)
     troubles: list[JsonDict] = []
+    answers: dict[str, JsonDict] = {}
     for result in results:
         if result["status"] != "done":
             troubles.append({"session": result["session"], "status": result["status"], "trouble": result["trouble"]})
@@ -82,6 +84,7 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         if diagnosis is not None:
             verdicts[diagnosis["verdict"]] += 1
             effects.update(diagnosis["effects"])
+            answers[result["session"]] = {key: diagnosis[key] for key in ("verdict", "effects", "confidence")}
             for identifier in dict.fromkeys(finding["id"] for finding in serious_of(findings_of(diagnosis))):
                 findings[identifier].append(result["session"])
         best = result["best"]
@@ -118,6 +121,10 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         "beyond_limits": _beyond(columns, limits, own),
         "troubles": troubles,
         "values": {name: dict(column) for name, column in columns.items()},
+        "sigma": {
+            name: {session: value * own[session][name] for session, value in column.items()} for name, column in columns.items() if name != "error"
+        },
+        "answers": answers,
         "times": {row.session: row.time for row in rows if np.isfinite(row.time)},
         "serials": {row.session: row.serial for row in rows if np.isfinite(row.serial)},
     }
