@@ -74,6 +74,7 @@ def test_a_second_cell_is_read_off_the_short_sweep():
 
 def test_a_coupled_winding_is_read_off_the_short_sweep():
     found = read_start(measured(winding(coupled(0.25, 3e6, 8.0)), frame()), "field-coupling")
+    assert found.pop("across_share") == 0
     assert found == pytest.approx({Set("Ra"): RA, Set("La"): LA, Set("Ca"): CA, "coupling": 0.25, "resonance_hz": 3e6, "quality": 8.0}, rel=NEAR)
 
 

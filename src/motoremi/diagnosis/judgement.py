@@ -336,9 +336,8 @@ class Judgement:
         within = fit.analyser_sigma <= SPECIFIED_SIGMA
         little = within and (fit.explained or self._nearly_all_described)
         next_to_all = fit.unexplained_percent["value"] <= NEXT_TO_ALL * self.base.unexplained_percent["value"]
-        # Up to twice the specification a pair that leaves next to nothing is accepted: of three motors of two independent generators (a cable with
-        # a lossy slot liner, which left 0.04 %, a residual with a lossy core, sheets of two gauges with a strap) such a pair was the right one, and
-        # one effect alone left 50 times as much, with larger errors of the analyser.
+        # A pair that leaves next to nothing is accepted up to twice the specification: of a cable with a lossy slot liner it left 0.04 %, and the
+        # cable alone 50 times as much, with four times the errors of the analyser.
         allowed = fit.within_specification or little or next_to_all if fit.measurement.analyser.named else slight or (within and next_to_all)
         enough = allowed or not self.leaves_something
         return enough and not self.beyond_specification and not self.model.unusual and not self.distributed

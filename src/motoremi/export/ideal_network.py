@@ -131,8 +131,15 @@ class Coils:
             yield f"{fresh('K_coil')} {first} {second} {self.coupling ** (j - i):.12e}"
 
 
-def resonant_loop(name: str, inductance: float, resonance_rad: float, damping_rad: float) -> Part:
-    """A resonant loop that is fully coupled to an inductor: s L (1 - s^2 / (s^2 + s a + w^2)), as L parallel to R and C in series."""
+def resonant_loop(name: str, inductance: float, resonance_rad: float, damping_rad: float, across_share: float = 0.0) -> Part:
+    """A resonant loop that is fully coupled to an inductor: s L (1 - s (s + g) / ((s + a) (s + g) + w^2)).
+
+    As L parallel to R and C in series; the share g of the damping a + g is a resistance across C.
+    """
     capacitance = 1 / (resonance_rad**2 * inductance)
-    branch = InSeries((Element("R", f"{name}_loop", damping_rad * inductance), Element("C", f"{name}_loop", capacitance)))
+    ring: Part = Element("C", f"{name}_loop", capacitance)
+    if across_share > 0:
+        ring = InParallel((ring, Element("R", f"{name}_across", 1 / (across_share * damping_rad * capacitance))))
+    copper = Element("R", f"{name}_loop", (1 - across_share) * damping_rad * inductance)
+    branch: Part = ring if across_share == 1 else InSeries((copper, ring))
     return InParallel((Element("L", f"{name}_loop", inductance), branch))

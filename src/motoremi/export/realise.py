@@ -175,10 +175,10 @@ class _Builder:
             return self.part(node.child).scaled(1 / self._own(node)[0])
         if node.law is laws.rest_factor:
             return self.part(node.child).scaled(1 / (1 - self._own(node)[0]))
-        if node.law is laws.coupled_winding_factor and isinstance(node.child, Leaf) and node.child.law is laws.inductor:
-            coupling, resonance_hz, quality = self._own(node)
+        if node.law is laws.lossy_coupled_winding_factor and isinstance(node.child, Leaf) and node.child.law is laws.inductor:
+            coupling, resonance_hz, quality, across_share = self._own(node)
             name, inductance, w = _word(node.child.name), self._own(node.child)[0], 2 * np.pi * resonance_hz
-            loop = resonant_loop(name, coupling**2 * inductance, w, w / quality)
+            loop = resonant_loop(name, coupling**2 * inductance, w, w / quality, across_share)
             return InSeries((Element("L", name, (1 - coupling**2) * inductance), loop))
         return None
 
@@ -219,7 +219,7 @@ class _Builder:
     def _ladder_of(self, node: Node, without: Part | None = None) -> Ladder:
         """A ladder for a node, or for what it has in series with a part that is known."""
         name = _word(next((part.name for part in walk(node) if isinstance(part, Leaf)), "part"))
-        loops = [self._own(part)[1:] for part in walk(node) if isinstance(part, Scaled) and part.law is laws.coupled_winding_factor]
+        loops = [self._own(part)[1:3] for part in walk(node) if isinstance(part, Scaled) and part.law is laws.lossy_coupled_winding_factor]
         # A narrow resonance needs additional points.
         near = [resonance_hz * np.exp(np.linspace(-6, 6, 120) / max(quality, 5.0)) for resonance_hz, quality in loops]
         frequency = np.unique(np.concatenate((self.frequency_hz, *near)))

@@ -117,6 +117,30 @@ def coupled_winding_factor(s: ComplexArray, coupling: Any, resonance_hz: Any, qu
     )
 
 
+def lossy_coupled_winding_factor(s: ComplexArray, coupling: Any, resonance_hz: Any, quality: Any, across_share: Any) -> ValueAndSlopes:
+    """The same with a share of its damping across it: 1 - k^2 s (s + g) / ((s + a) (s + g) + ww^2), a + g = ww/Q, g the share of it.
+
+    The secondary of coupled coils with a resistance R2 = a L2 in series and a conductance g C across its capacitance.
+    """
+    x = (1 / s) * (TWO_PI * resonance_hz)
+    damped = x * (1 / quality)
+    across, along = across_share * damped, (1 - across_share) * damped
+    bottom = 1 / ((1 + along) * (1 + across) + x**2)
+    shape = (1 + across) * bottom
+    # Slopes of numerator and denominator, both divided by s squared; the damping falls as one over Q.
+    by_damping = along * (1 + across) + (1 + along) * across
+    by_resonance = (across - shape * (by_damping + 2 * x**2)) * bottom
+    by_quality = (shape * by_damping - across) * bottom
+    by_share = (damped - shape * damped**2 * (1 - 2 * across_share)) * bottom
+    squared = coupling**2
+    return 1 - squared * shape, (
+        shape * (-2 * coupling),
+        by_resonance * (-squared / resonance_hz),
+        by_quality * (-squared / quality),
+        by_share * -squared,
+    )
+
+
 def conductance_and_capacitance(s: ComplexArray, conductance: Any, capacitance: Any) -> ValueAndSlopes:
     """Y = G + s C."""
     return conductance + s * capacitance, (_ONE, s)

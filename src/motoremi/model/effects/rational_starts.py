@@ -44,13 +44,18 @@ CONDUCTOR_REST = {"resistance_ohm": 0.02, "skin_ohm": 0.01}
 ONE_TIME_CONSTANT = {"exponent": 0.95, "quality": 0.02}
 
 
+# Start values that may be zero.
+SHARES = ("series_share", "across_share")
+
+
 def from_rational(rational: Rational | None, read: Callable[[Rational], dict[Any, float]]) -> list[dict[Any, float]]:
-    """The start values that `read` finds in a rational fit, if all are positive and finite."""
+    """The start values that `read` finds in a rational fit, if all are finite, and positive but for shares of a damping, which may be zero."""
     if rational is None:
         return []
     with np.errstate(all="ignore"):
         start = read(rational)
-    return [start] if all(np.isfinite(value) and value > 0 for value in start.values()) else []
+    usable = (np.isfinite(value) and (value > 0 or (value == 0 and name in SHARES)) for name, value in start.items())
+    return [start] if all(usable) else []
 
 
 def second_cell(seen: Seen) -> list[dict[Any, float]]:
@@ -118,6 +123,7 @@ def _coupled_winding(short: Rational) -> dict[Any, float]:
         "coupling": float(np.sqrt(missing)),
         "resonance_hz": float(resonance * short.middle / (2 * np.pi)),
         "quality": float(resonance * a2 / a1),
+        "across_share": 0.0,
     }
 
 
