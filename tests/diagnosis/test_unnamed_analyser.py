@@ -72,3 +72,24 @@ def test_a_clamp_beside_an_effect_is_named_where_the_analyser_is_shown_to_err_li
         found = me.diagnose(me.fit(me.dc_motor(), saved))
     assert set(found.effects) == {"skin-effect", "contact-resistance"}
     assert found.best.parameters["contact-resistance.short_ohm"] == pytest.approx(6.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("siemens", "verdict"), [(100e-9, "adequate"), (200e-9, "instrument")])
+def test_an_error_within_what_is_assumed_of_an_unnamed_analyser_is_no_fault(siemens: float, verdict: str) -> None:
+    """A residual conductance of the fixture from 1 kHz, where a motor is 190 kOhm: with 100 nS the circuit errs by less than is assumed."""
+    frequency_hz = np.geomspace(1e3, 30e6, 401)
+    s = 2j * np.pi * frequency_hz
+    short = 1 / (1 / (76 + s * 563e-6) + s * 166e-12)
+    frame = 1 / (s * 304e-12 + 1 / (24.8 + s * 0.55e-6 + 1 / (s * 534e-12)))
+    rng = np.random.default_rng(1)
+    found = []
+    for name, true in (("short", short), ("open", short + frame)):
+        for _ in range(2):
+            noise = 7e-4 * (rng.normal(size=401) + 1j * rng.normal(size=401))
+            found.append(ImpedanceSweep(name, frequency_hz, (1 + noise) / (1 / true - siemens)))
+    fit = me.fit(me.dc_motor(), found)
+    with seeking():
+        diagnosis = me.diagnose(fit)
+    assert diagnosis.verdict == verdict
+    assert diagnosis.effects == (() if verdict == "adequate" else ("open-residual",))
+    assert (fit.rms_error_percent < fit.floor_percent) == (verdict == "adequate")

@@ -550,7 +550,9 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
         return "data" if about_data or serious & ABOUT_THE_DATA else "unexplained"
     if not named:
         fit = judgement.model.fit
-        excessive = fit.analyser_sigma > BEYOND_SIGMA and not judgement.accurate
+        # Nobody knows the specification of an analyser without a name; where the circuit errs by no more than is assumed of it, none is exceeded.
+        as_assumed = not fit.measurement.analyser.named and fit.rms_error_percent <= fit.floor_percent
+        excessive = fit.analyser_sigma > BEYOND_SIGMA and not judgement.accurate and not as_assumed
         # Sweeps that determine no element show only the analyser's errors.
         return "instrument" if excessive or "negative-resistance" in serious or shows_nothing(fit) else "adequate"
     groups = [{find_effect(name).effect.group for name in (effect, *judgement.families[effect])} for effect in named]
