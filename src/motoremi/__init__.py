@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from motoremi.emission.predict import Prediction, predict
     from motoremi.emission.setup import Setup
     from motoremi.errors import BadInput, InstrumentError, MotoremiError
+    from motoremi.export.spectrum_table import spectrum_table
     from motoremi.export.spice import spice_model
     from motoremi.export.tables import sweep_table, to_xarray
     from motoremi.fitting.fit import fit
@@ -70,6 +71,7 @@ _HOMES = {
     "scoreboard_frames": "motoremi.blind.scoreboard_frames",
     "spice_model": "motoremi.export.spice",
     "sweep_table": "motoremi.export.tables",
+    "spectrum_table": "motoremi.export.spectrum_table",
     "to_xarray": "motoremi.export.tables",
 }
 __all__ = [
@@ -102,6 +104,7 @@ __all__ = [
     "read_impedances",
     "read_spectra",
     "scoreboard_frames",
+    "spectrum_table",
     "spice_model",
     "sweep_table",
     "to_xarray",

@@ -8,14 +8,16 @@ from typing import Literal, NamedTuple
 from motoremi.data.mislabelled import without_mislabelled
 from motoremi.data.session import Session
 from motoremi.data.sweep import group_repeats
+from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput
 from motoremi.export.emission_deck import emission_deck
 from motoremi.export.hdf5 import hdf5_bytes
+from motoremi.export.spectrum_table import spectrum_table
 from motoremi.export.spice import SpiceModel, spice_model
 from motoremi.export.tables import csv_bytes, parquet_bytes
 from motoremi.export.touchstone_file import session_touchstone
 from motoremi.fitting.result import Fit
-from motoremi.workflow_emission import setup_of
+from motoremi.workflow_emission import PREDICTION, limit_of, setup_of
 
 
 class Exported(NamedTuple):
@@ -63,6 +65,14 @@ class Exporter:
     def csv(self) -> Exported:
         """All sweeps in one table, the model beside them."""
         return Exported(csv_bytes(self._session, self._fit), self._table())
+
+    def spectra(self) -> Exported:
+        """All spectra in one table, with limit and margin if the session was judged against a limit."""
+        limit = find_limit(limit_of(self._session)) if self._session.analysis(PREDICTION) is not None else None
+        if limit is not None and limit.unit != self._session.corrections.level_unit:
+            limit = None
+        table = spectrum_table(self._session, limit).to_csv(index=False, lineterminator="\n")
+        return Exported(table.encode(), f"spectra, {f'margins to {limit.title}' if limit is not None else 'not compared with a limit'}")
 
     def parquet(self) -> Exported:
         """The same as Parquet."""

@@ -28,6 +28,7 @@ from motoremi.data.laboratory import laboratory_of
 from motoremi.diagnosis import belief, candidates, declared, findings, informed, judgement
 from motoremi.diagnosis.diagnosis import Verdict
 from motoremi.emission import spectrum_problem
+from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB
 from motoremi.emission.setup import read_setup
 from motoremi.errors import BadInput, InstrumentError, Stopped
 from motoremi.fitting import marginal, race, result, search
@@ -221,7 +222,11 @@ def test_the_guard_band_is_the_same_everywhere():
     stated = re.search(r"expanded uncertainty \(([\d.]+) dB by default, `--uncertainty`", page("emission.md"))
     judge = next(key for table in reference() if table.title == 'do = "judge"' for key in table.keys if key.name == "uncertainty")
     assert stated is not None
-    assert float(stated[1]) == options("predict")["--uncertainty"].default == float(judge.default.removesuffix(" dB"))
+    assert float(stated[1]) == EXPANDED_UNCERTAINTY_DB == float(judge.default.removesuffix(" dB"))
+    option = options("predict")["--uncertainty"]
+    # Without the option it is the one that was given last, and at first the usual one.
+    assert option.default is None
+    assert f"; {EXPANDED_UNCERTAINTY_DB:g} dB at first; kept" in option.help
 
 
 def test_exit_statuses_are_those_of_the_errors():

@@ -25,6 +25,7 @@ def export_(
     ] = None,
     touchstone: Annotated[Path | None, _file("--touchstone", "One termination: .s1p, or .z1p for impedance normalised to 50 Ohm.")] = None,
     csv: Annotated[Path | None, _file("--csv", "All sweeps in one table, also those under a condition, the model beside them.")] = None,
+    spectra: Annotated[Path | None, _file("--spectra", "All spectra in one CSV table: readings, corrected levels, limit and margin.")] = None,
     hdf5: Annotated[Path | None, _file("--hdf5", "All sweeps, single values, spectra, model and analyses (extra hdf5).")] = None,
     parquet: Annotated[Path | None, _file("--parquet", "The table of --csv as Parquet (extra parquet).")] = None,
     termination: Annotated[
@@ -40,9 +41,9 @@ def export_(
     from motoremi.workflow import ladder_of
     from motoremi.workflow_export import Exported, Exporter
 
-    files = [file for file in (spice, spice_emission, touchstone, csv, hdf5, parquet) if file is not None]
+    files = [file for file in (spice, spice_emission, touchstone, csv, spectra, hdf5, parquet) if file is not None]
     if not files:
-        raise BadInput("nothing to export: give --spice, --spice-emission, --touchstone, --csv, --hdf5 or --parquet with a FILE")
+        raise BadInput("nothing to export: give --spice, --spice-emission, --touchstone, --csv, --spectra, --hdf5 or --parquet with a FILE")
     for number, wanted in enumerate(files):
         refuse_output(wanted)
         if wanted.resolve() in [other.resolve() for other in files[:number]]:
@@ -58,7 +59,7 @@ def export_(
         written.append((spice_emission, exporter.spice_emission()))
     if touchstone is not None:
         written.append((touchstone, exporter.touchstone(termination, "Z" if touchstone.suffix.lower() == ".z1p" else "S", model)))
-    for file, make in ((csv, exporter.csv), (hdf5, exporter.hdf5), (parquet, exporter.parquet)):
+    for file, make in ((csv, exporter.csv), (spectra, exporter.spectra), (hdf5, exporter.hdf5), (parquet, exporter.parquet)):
         if file is not None:
             written.append((file, make()))
     # All contents are computed before the first file is written.

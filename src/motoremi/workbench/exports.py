@@ -61,6 +61,7 @@ def _offers(desk: Desk) -> Iterator[Offer]:
     exporter = Exporter(session, fit)
     unfitted = "" if fit is not None else "fit this session first"
     no_sweep = "" if session.sweeps else "this session holds no impedance sweep"
+    no_spectrum = "" if session.spectra or session.finals else "this session holds no spectrum"
     yield Offer("motor.cir", "the fitted motor as a subcircuit for ngspice and LTspice", exporter.spice, unfitted)
     yield Offer("emission-test.cir", "the whole emission test: source, motor, cable, LISNs", exporter.spice_emission, unfitted)
     held = {sweep.termination for sweep in session.sweeps}
@@ -74,6 +75,7 @@ def _offers(desk: Desk) -> Iterator[Offer]:
                     unfitted if model else "",
                 )
     yield Offer("sweeps.csv", "all sweeps in one table, the model beside them", exporter.csv, no_sweep)
+    yield Offer("spectra.csv", "all spectra in one table, with limit and margin", exporter.spectra, no_spectrum)
     yield Offer("session.h5", "sweeps, spectra, model and analyses as HDF5", exporter.hdf5, _not_installed("h5py", "hdf5"))
     yield Offer("sweeps.parquet", "the table of sweeps as Parquet", exporter.parquet, no_sweep or _not_installed("pyarrow", "parquet"))
 
