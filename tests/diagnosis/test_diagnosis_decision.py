@@ -748,3 +748,47 @@ def test_a_further_effect_that_takes_the_circuit_further_away_is_not_needed_besi
         each.fit.measurement.analyser.by_waves = of_waves
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
     assert judgement.best.added == (both if of_waves else core)
+
+
+def by_a_named_analyser(*models: SimpleNamespace) -> dict[tuple[str, ...], SimpleNamespace]:
+    for one in models:
+        one.fit.measurement.analyser.named = True
+    return of(*models)
+
+
+@pytest.mark.parametrize(
+    ("left_percent", "sigma", "unusual", "named"),
+    [
+        # A choke at the brushes behind a capacitor.
+        (0.065, 8.0, (), True),
+        # More than a fiftieth of what the circuit leaves, or than a tenth of what the capacitor does.
+        (1.4, 8.0, (), False),
+        (0.5, 8.0, (), False),
+        # As large errors of the analyser as with the capacitor alone, or values that no motor has.
+        (0.065, 45.0, (), False),
+        (0.065, 8.0, ("suppressor-choke@brushes.share",), False),
+    ],
+)
+def test_a_pair_is_named_before_one_effect_that_is_worse_and_needs_larger_errors(left_percent, sigma, unusual, named):
+    pair = ("suppressor-capacitor", "suppressor-choke@brushes")
+    found = by_a_named_analyser(
+        model((), 0.0, 63.7, 63.7, (), 44.5),
+        model(pair[:1], 3700.0, 4.18, 4.18, (), 40.7),
+        model(pair, 6700.0, 0.66, left_percent, unusual, sigma),
+    )
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert judgement.named == (pair if named else pair[:1])
+    assert judgement.accepted
+
+
+@pytest.mark.parametrize(("sigma", "named"), [(5.4, True), (7.0, False)])
+def test_a_pair_that_leaves_next_to_nothing_may_need_twice_the_specification(sigma, named):
+    """A cable with a lossy slot liner; beyond twice the specification one effect alone, with small errors of the analyser, is named."""
+    pair = ("dielectric-loss@Cf", "supply-cable")
+    found = by_a_named_analyser(
+        model((), 0.0, 76.5, 76.5),
+        model(("supply-cable",), 5100.0, 1.96, 1.96, (), 1.0),
+        model(pair, 7100.0, 0.43, 0.033, (), sigma),
+    )
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert sorted(judgement.named) == (list(pair) if named else ["supply-cable"])
