@@ -556,7 +556,7 @@ def test_values_that_few_motors_have_speak_for_what_the_catalogue_does_not_hold(
     from motoremi.diagnosis.candidates import Candidate
     from motoremi.diagnosis.judgement import decided
 
-    coupled = {"field-coupling": {"coupling": coupling, "resonance_hz": 8e6, "quality": quality}}
+    coupled = {"field-coupling": {"coupling": coupling, "resonance_hz": 8e6, "quality": quality, "across_share": 0.0}}
     bare, key = fit(dc_motor(), sweeps(coupled)), ("field-coupling",)
     named = bare.add(*key)
     assert named.marginal.nothing_left >= 0.5
@@ -667,7 +667,7 @@ def test_explanations_that_answer_alike_stay_as_likely_however_far_the_iron_satu
 @pytest.mark.slow
 def test_a_change_that_changes_nothing_speaks_for_what_predicts_none() -> None:
     """Shorting a field winding moves a coupled one by far more than anything else."""
-    coupled = {"field-coupling": {"coupling": 0.3, "resonance_hz": 3e6, "quality": 5.0}}
+    coupled = {"field-coupling": {"coupling": 0.3, "resonance_hz": 3e6, "quality": 5.0, "across_share": 0.0}}
     bare = fit(dc_motor(), sweeps(coupled))
     fits = {("field-coupling",): (bare.add("field-coupling"), 0.0), ("permeability-relaxation",): (bare.add("permeability-relaxation"), 0.0)}
     unchanged = Measurement.of([*sweeps(coupled), *sweeps(coupled, "field-winding", seed=3)])

@@ -84,7 +84,7 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         if diagnosis is not None:
             verdicts[diagnosis["verdict"]] += 1
             effects.update(diagnosis["effects"])
-            answers[result["session"]] = {key: diagnosis[key] for key in ("verdict", "effects", "confidence")}
+            answers[result["session"]] = {key: diagnosis.get(key) for key in ("verdict", "effects", "confidence")}
             for identifier in dict.fromkeys(finding["id"] for finding in serious_of(findings_of(diagnosis))):
                 findings[identifier].append(result["session"])
         best = result["best"]
