@@ -68,7 +68,7 @@ class Exporter:
 
     def spectra(self) -> Exported:
         """All spectra in one table, with limit and margin if the session was judged against a limit."""
-        limit = find_limit(limit_of(self._session)) if self._session.analysis(PREDICTION) is not None else None
+        limit = find_limit(limit_of(self._session)) if PREDICTION in self._session.analysis_files else None
         if limit is not None and limit.unit != self._session.corrections.level_unit:
             limit = None
         table = spectrum_table(self._session, limit).to_csv(index=False, lineterminator="\n")

@@ -51,7 +51,8 @@ def withdraw(folder: Path, names: Sequence[str], why: str) -> Withdrawal:
     ----------
     folder : Path
     names : sequence of str
-        A sweep or spectrum by its file (`short-2` or `sweeps/short-2.csv`); a name of single values, of which all are withdrawn.
+        A sweep or spectrum by its file (`short-2` or `sweeps/short-2.csv`); a name of single values, of which all are
+        withdrawn, or `dc-resistance-2` for the second of several.
     why : str
         The reason, which the report gives.
 

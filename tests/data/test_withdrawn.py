@@ -15,6 +15,8 @@ from motoremi.data.session import is_up_to_date, load, reopen, verify
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.errors import BadInput
 from motoremi.fleet.work import Job
+from motoremi.workbench.desk import Desk
+from motoremi.workbench.views import head
 from motoremi.workflow import diagnose_session, ladder_of, measurement_of, opened
 from motoremi.workflow_withdraw import restore_withdrawn, withdraw
 
@@ -175,6 +177,8 @@ def test_one_of_two_values_of_one_name_is_withdrawn_by_its_number(session: Path)
     withdraw(session, ["dc-resistance-1"], "ohm in place of milliohm")
     (value,) = load(session).values
     assert value.value_si == pytest.approx(0.0213)
+    assert [one["name"] for one in load(session).withdrawn] == ["dc-resistance-1"]
+    assert [one["name"] for one in head(Desk(session), "")["values"]] == ["dc-resistance-2"]
     restore_withdrawn(session, ["dc-resistance-1"])
     assert len(load(session).values) == 2
 

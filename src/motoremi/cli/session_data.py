@@ -156,7 +156,7 @@ def import_(
                 "schema": "motoremi.import/1",
                 "verdict": verdict and verdict["verdict"],
                 "session": str(out),
-                "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz), **_read(s.metadata)} for s in sweeps],
+                "sweeps": [{**sweep.extent(), **_read(sweep.metadata)} for sweep in sweeps],
                 **_spectra_in_json(spectra, finals),
                 "corrections": start["corrections"],
                 "analyser": start["analyser"],
@@ -205,16 +205,7 @@ def _show_addition(session: Path, added: Addition, as_json: bool) -> None:
             {
                 "schema": "motoremi.addition/1",
                 "session": str(session),
-                "sweeps": [
-                    {
-                        "termination": s.termination,
-                        "condition": None if s.condition is None else s.condition.to_dict(),
-                        "points": len(s),
-                        "span_hz": list(s.span_hz),
-                        **_read(s.metadata),
-                    }
-                    for s in added.sweeps
-                ],
+                "sweeps": [{"condition": None, **sweep.extent(), **_read(sweep.metadata)} for sweep in added.sweeps],
                 **_spectra_in_json(added.spectra, added.finals),
                 "values": [one.to_dict() for one in added.values],
                 "caveats": list(added.caveats),

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from motoremi.arrays import ComplexArray, FloatArray, IntArray
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from motoremi.threads import one_blas_thread
 
 # (share of the variance, correlation length in decades) of each process.
@@ -87,6 +87,13 @@ def steps_beside(frequency_hz: FloatArray) -> tuple[FloatArray, FloatArray]:
 def nearest_points(frequency_hz: FloatArray, wanted_hz: FloatArray) -> IntArray:
     """Index of the nearest of rising frequencies to each wanted one."""
     return np.searchsorted((frequency_hz[1:] + frequency_hz[:-1]) / 2, wanted_hz)
+
+
+def within_half_a_step(frequency_hz: FloatArray, wanted_hz: FloatArray) -> tuple[IntArray, BoolArray]:
+    """Index of the nearest of two or more rising frequencies to each wanted one, and whether it is no more than half of its step away."""
+    nearest = nearest_points(frequency_hz, wanted_hz)
+    reach = np.maximum(*steps_beside(frequency_hz)) / 2
+    return nearest, np.abs(frequency_hz[nearest] - wanted_hz) <= reach[nearest] * (1 + 1e-9)  # beyond rounding
 
 
 def smoothed(impedance_ohm: ComplexArray) -> ComplexArray:

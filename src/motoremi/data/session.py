@@ -29,7 +29,7 @@ from motoremi.data.storage import StorageError
 from motoremi.data.sweep import ImpedanceSweep
 from motoremi.data.text_file import decode, read_bytes, show_name
 from motoremi.data.verify import verify, vouched_sha256
-from motoremi.data.withdrawn import KINDS, OF_THE_MOTOR, concerned, name_of, withdrawals
+from motoremi.data.withdrawn import OF_THE_MOTOR, concerned, names_of, withdrawals
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.given import refuse_other
@@ -108,11 +108,11 @@ class Session:
     @cached_property
     def withdrawn(self) -> tuple[JsonDict, ...]:
         """Each measurement that was withdrawn: name, reason and time."""
-        gone = withdrawals(self.documents)
+        gone, names = withdrawals(self.documents), names_of(self.documents)
         return tuple(
-            {"name": name_of(document), "why": gone[document["seq"]].get("why", ""), "time": gone[document["seq"]]["time"]}
+            {"name": names[document["seq"]], "why": gone[document["seq"]].get("why", ""), "time": gone[document["seq"]]["time"]}
             for document in self.documents
-            if document["seq"] in gone and document["kind"] in KINDS
+            if document["seq"] in gone and document["seq"] in names
         )
 
     @cached_property

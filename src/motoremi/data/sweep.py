@@ -125,6 +125,11 @@ class ImpedanceSweep(ReadOnlyArrays):
         """First and last frequency in hertz."""
         return float(self.frequency_hz[0]), float(self.frequency_hz[-1])
 
+    def extent(self) -> JsonDict:
+        """Plain data without the values: termination, points and span, and the condition of one that has any."""
+        condition = {} if self.condition is None else {"condition": self.condition.to_dict()}
+        return {"termination": self.termination, **condition, "points": len(self), "span_hz": list(self.span_hz)}
+
     def summary(self) -> str:
         """One line for a person: points, span and range of |Z|."""
         magnitude = np.abs(self.impedance_ohm)

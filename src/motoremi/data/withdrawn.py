@@ -42,8 +42,9 @@ def name_of(document: JsonDict) -> str:
     return str(document.get("name")) if document["kind"] == "value" else PurePosixPath(str(document.get("file"))).stem
 
 
-def _own_names(measured: Sequence[JsonDict]) -> dict[int, str]:
-    """Sequence number -> name; of several values with one name each has its number."""
+def names_of(documents: Sequence[JsonDict]) -> dict[int, str]:
+    """Sequence number -> name of each measurement of a session; of several values with one name each has its number."""
+    measured = [document for document in documents if document["kind"] in KINDS]
     names = [name_of(document) for document in measured]
     every = {document["seq"]: name for document, name in zip(measured, names, strict=True)}
     for at, document in enumerate(measured):
@@ -72,7 +73,7 @@ def called(documents: Sequence[JsonDict], name: str, withdrawn: bool) -> list[in
     gone = withdrawals(documents)
     measured = [document for document in documents if document["kind"] in KINDS]
     wanted = name.removeprefix("./").removeprefix("sweeps/").removeprefix("spectra/").removesuffix(".csv")
-    own = _own_names(measured)
+    own = names_of(documents)
     of_name = [document for document in measured if wanted in (name_of(document), own[document["seq"]])]
     found = [int(document["seq"]) for document in of_name if (document["seq"] in gone) == withdrawn]
     if found:

@@ -171,7 +171,7 @@ class Judgement:
         """Whether the most probable model differs enough from the base to matter to a user."""
         base = self.found[()]
         # An error of the analyser that its specification allows is no fault; nor is one that is assumed of an analyser without a name, of which
-        # nobody knows the specification (an open residual of 60 nS, with 0.60 % left of 0.61 %).
+        # nobody knows the specification (an open residual of 60 nS, of which the circuit errs by 0.60 %, where 0.61 % are assumed).
         slight = self._little_is_left or acceptance_of(self.base, self.base) == "slight"
         assumed_of_it = _is_assumed(self.base) and self.base.rms_error_percent <= self.base.floor_percent
         allowed = of_the_analyser_alone(self.best.added) and (assumed_of_it or (slight and _is_within(self.base)))
@@ -325,7 +325,8 @@ class Judgement:
         """Whether two or three effects are acceptable.
 
         Pairs fit almost any curve, so they must leave nothing, or no more than specification or stated accuracy allow; or, with the analyser within
-        its specification, at most 0.1 % or a tenth of what the base leaves (a fiftieth with an analyser without a name). Three must leave nothing,
+        its specification, at most 0.1 % or a tenth of what the base leaves; or a fiftieth of that, with a named analyser within twice its
+        specification or one without a name within what is assumed. Or `better_than_one`, whatever they leave. Three must leave nothing,
         with the analyser within its specification. All with usual values.
         """
         fit = self.model.fit

@@ -125,14 +125,14 @@ def compliance(
             # A peak limit beside a quasi-peak limit is an alternative to it (CISPR 25): either is enough, and quasi-peak decides if peak does not.
             peak = lines.pop("peak")
             lines["quasi-peak"] = peak if peak.verdict == "pass" else lines["quasi-peak"]
-        where = where_in_words(*place)
+        at = f"{where}: " if (where := where_in_words(*place)) else ""
         own_background = [spectrum for spectrum in background if _home(place_of(spectrum), scanned) == place]
-        found += [(one.verdict, f"{where}: {one.reason}" if where and one.reason else one.reason) for one in lines.values()]
+        found += [(one.verdict, f"{at}{one.reason}" if one.reason else "") for one in lines.values()]
         # Beside a level that fails, others that read too little change nothing.
         fails = any(one.verdict == "fail" for one in lines.values())
         doubts = [*(() if fails else contradictions(own, own_finals, own_background, limit)), *impossible_levels(own, limit)]
-        found += [(None, f"{where}: {text}" if where else text) for text in doubts]
-        found += [("pass", f"{where}: {text}" if where else text) for text in surroundings(own, own_background, of_place)]
+        found += [(None, f"{at}{text}") for text in doubts]
+        found += [("pass", f"{at}{text}") for text in surroundings(own, own_background, of_place)]
         gaps += [Gap(detector, *span, *place) for detector, one in lines.items() for span in _joined(one.missing)]
     found += [("marginal", text) for text in (*_unchanged([*background, *spectra]), *_left_out(spectra))]
     worst = min((verdict for verdict, _ in found), key=WORST_FIRST.index, default=None)

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from motoremi.arrays import FloatArray
-from motoremi.data.kernels import nearest_points, steps_beside
+from motoremi.data.kernels import nearest_points, within_half_a_step
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import BANDWIDTH_TOLERANCE
 from motoremi.emission.finals import Rules
@@ -117,11 +117,15 @@ def impossible_levels(spectra: Sequence[Spectrum], limit: Limit) -> Iterator[str
 
 
 def _near(spectrum: Spectrum, frequency_hz: FloatArray) -> FloatArray:
-    """The highest level at the nearest point and the two beside it; NaN where the nearest is more than half a step away, or overloaded."""
-    nearest = nearest_points(spectrum.frequency_hz, frequency_hz)
-    single = np.full(1, spectrum.resolution_bandwidth_hz)
-    reach = (np.maximum(*steps_beside(spectrum.frequency_hz)) if len(spectrum) > 1 else single) / 2
+    """The highest level at the nearest point and the two beside it; NaN where the nearest is more than half a step away, or overloaded.
+
+    A single final value is of its bandwidth.
+    """
+    own = spectrum.frequency_hz
+    if len(spectrum) > 1:
+        nearest, near = within_half_a_step(own, frequency_hz)
+    else:
+        nearest, near = nearest_points(own, frequency_hz), np.abs(own - frequency_hz) <= spectrum.resolution_bandwidth_hz / 2
     padded = np.concatenate([[-np.inf], spectrum.level_dbuv, [-np.inf]])
     highest = np.max([padded[nearest], padded[nearest + 1], padded[nearest + 2]], axis=0)
-    beside = np.abs(spectrum.frequency_hz[nearest] - frequency_hz) > reach[nearest] * (1 + 1e-9)
-    return np.where(beside | spectrum.overload[nearest], np.nan, highest)
+    return np.where(near & ~spectrum.overload[nearest], highest, np.nan)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
-from motoremi.data.kernels import nearest_points, steps_beside
+from motoremi.data.kernels import within_half_a_step
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.drawing import figure_of
 from motoremi.emission.background import ambient_of, split
@@ -187,10 +187,7 @@ class Prediction:
 
 def _nearest_level(spectrum: Spectrum, frequency_hz: FloatArray) -> FloatArray:
     """Level of the nearest point; NaN where that is more than half a step away."""
-    own = spectrum.frequency_hz
-    nearest = nearest_points(own, frequency_hz)
-    reach = np.maximum(*steps_beside(own)) / 2
-    near = np.abs(own[nearest] - frequency_hz) <= reach[nearest]
+    nearest, near = within_half_a_step(spectrum.frequency_hz, frequency_hz)
     return np.where(near, spectrum.level_dbuv[nearest], np.nan)
 
 

@@ -102,23 +102,8 @@ def resonant_cell(s: ComplexArray, inductance: Any, resonance_hz: Any, resistanc
     return alone * factor, Later(slopes)
 
 
-def coupled_winding_factor(s: ComplexArray, coupling: Any, resonance_hz: Any, quality: Any) -> ValueAndSlopes:
-    """A winding coupled to La, closed by its own capacitance: 1 - k^2 s^2 / (s^2 + s ww/Q + ww^2)."""
-    w = TWO_PI * resonance_hz
-    # Divided by s squared, everything depends on x alone.
-    x = (1 / s) * w
-    damped = x * (1 / quality)
-    shape = 1 / (1 + damped + x**2)
-    square = shape**2
-    return 1 - coupling**2 * shape, (
-        shape * (-2 * coupling),
-        square * (damped + 2 * x**2) * (coupling**2 / resonance_hz),
-        square * damped * (-(coupling**2) / quality),
-    )
-
-
 def lossy_coupled_winding_factor(s: ComplexArray, coupling: Any, resonance_hz: Any, quality: Any, across_share: Any) -> ValueAndSlopes:
-    """The same with a share of its damping across it: 1 - k^2 s (s + g) / ((s + a) (s + g) + ww^2), a + g = ww/Q, g the share of it.
+    """A winding coupled to La, closed by its own capacitance: 1 - k^2 s (s + g) / ((s + a) (s + g) + ww^2), a + g = ww/Q, g the share of it.
 
     The secondary of coupled coils with a resistance R2 = a L2 in series and a conductance g C across its capacitance.
     """
@@ -139,6 +124,12 @@ def lossy_coupled_winding_factor(s: ComplexArray, coupling: Any, resonance_hz: A
         by_quality * (-squared / quality),
         by_share * -squared,
     )
+
+
+def coupled_winding_factor(s: ComplexArray, coupling: Any, resonance_hz: Any, quality: Any) -> ValueAndSlopes:
+    """The same with all of its damping in its copper: 1 - k^2 s^2 / (s^2 + s ww/Q + ww^2)."""
+    value, slopes = lossy_coupled_winding_factor(s, coupling, resonance_hz, quality, 0.0)
+    return value, slopes[:3]
 
 
 def conductance_and_capacitance(s: ComplexArray, conductance: Any, capacitance: Any) -> ValueAndSlopes:

@@ -11,7 +11,7 @@ from motoremi.inspection.compare import Comparison, compare
 from motoremi.model.effects.names import as_sum
 from motoremi.quantities import percent, show_band
 from motoremi.report.contents import Box, Materials, is_result
-from motoremi.report.words import described, findings_of, in_words, levels_of, mood_of, serious_of, share_of_analyser
+from motoremi.report.words import described, findings_of, in_words, is_confirmed, levels_of, mood_of, serious_of, share_of_analyser
 
 Line = tuple[str, str, str]
 
@@ -118,7 +118,7 @@ def _emission(materials: Materials) -> Box:
     if diagnosis is not None:
         lines.append(("Diagnosis of the spectra", _emission_cause(diagnosis), "plain"))
     verdict = f"{str(prediction['verdict']).upper()} ({prediction['judged_what']} levels)"
-    doubt = " (values not confirmed)" if any(not line["confirmed"] for line in prediction["limit"].get("lines", ())) else ""
+    doubt = "" if is_confirmed(prediction["limit"]) else " (values not confirmed)"
     return Box("Conducted emission", tuple(lines), (f"Emission against {prediction['limit']['title']}{doubt}", verdict, mood))
 
 

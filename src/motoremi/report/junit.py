@@ -13,7 +13,7 @@ from motoremi.data.text import clean_text
 from motoremi.quantities import show_band
 from motoremi.report.contents import Report
 from motoremi.report.machine_readable import issued
-from motoremi.report.words import findings_of, in_words, levels_of, place_of, reasons_of, serious_of
+from motoremi.report.words import findings_of, in_words, is_confirmed, levels_of, place_of, reasons_of, serious_of
 
 # Characters that XML 1.0 does not allow at all, even escaped.
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -57,7 +57,7 @@ def _emission_suite(root: Element, prediction: JsonDict) -> None:
     """
     suite = SubElement(root, "testsuite", name="emission")
     limit = prediction["limit"]
-    confirmed = "yes" if all(line["confirmed"] for line in limit.get("lines", ())) else "no: check the values against the standard"
+    confirmed = "yes" if is_confirmed(limit) else "no: check the values against the standard"
     known = {"limit": limit["title"], "limit_confirmed": confirmed, "judged": prediction["judged_what"], "verdict": prediction["verdict"]}
     _properties(suite, known)
     for one in prediction["judged"]:

@@ -129,16 +129,8 @@ def _data(materials: Materials) -> JsonDict:
             if document["kind"] == "instrument"
         ],
         "withdrawn": list(session.withdrawn),
-        "sweeps": [{"termination": s.termination, "points": len(s), "span_hz": list(s.span_hz)} for s in session.sweeps],
-        "conditioned": [
-            {
-                "termination": s.termination,
-                "condition": None if s.condition is None else s.condition.to_dict(),
-                "points": len(s),
-                "span_hz": list(s.span_hz),
-            }
-            for s in session.conditioned
-        ],
+        "sweeps": [sweep.extent() for sweep in session.sweeps],
+        "conditioned": [sweep.extent() for sweep in session.conditioned],
         "values": [value.to_dict() for value in session.values],
         "steps": [dict(zip(("number", "does", "with", "state"), step, strict=True)) for step in planned_steps(session)],
         "spectra": [

@@ -100,6 +100,11 @@ def levels_of(judged: JsonDict) -> str:
     return levels_in_words(str(judged["detector"]), judged.get("conductor", ""), judged.get("operating", ""))
 
 
+def is_confirmed(limit: JsonDict) -> bool:
+    """Whether all values of a stored limit were checked; earlier versions stored its name only."""
+    return all(line["confirmed"] for line in limit.get("lines", ()))
+
+
 def place_of(finding: JsonDict) -> str:
     """The sweep and band of a finding, as far as stated."""
     band = finding["band_hz"]

@@ -14,7 +14,7 @@ from motoremi.data.paths import SESSION
 from motoremi.data.session import Session
 from motoremi.data.storage import is_being_written
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.data.withdrawn import name_of
+from motoremi.data.withdrawn import name_of, names_of
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison
@@ -55,7 +55,7 @@ def head(desk: Desk, identifier: str) -> JsonDict:
         "instruments": _instruments(session),
         "sweeps": _sweeps(session, conditioned=False),
         "conditioned": _sweeps(session, conditioned=True),
-        "values": [{"name": one.name, "summary": one.text.partition("=")[2].replace("+-", " ± ")} for one in session.values],
+        "values": _values(session),
         "spectra": _spectra(session),
         "withdrawn": [{"name": one["name"], "why": one["why"]} for one in session.withdrawn],
         "challenge": "sealed_sha256" in start,
@@ -74,6 +74,14 @@ def _sweeps(session: Session, conditioned: bool) -> list[JsonDict]:
         for document, item in measured_documents(session)
         if isinstance(item, ImpedanceSweep) and ("condition" in document) == conditioned
     ]
+
+
+def _values(session: Session) -> list[JsonDict]:
+    """The single values in use, each with the name by which it is withdrawn."""
+    names = names_of(session.documents)
+    used = [names[document["seq"]] for document in session.used_documents if document["kind"] == "value"]
+    texts = (one.text.partition("=")[2].replace("+-", " ± ") for one in session.values)
+    return [{"name": name, "summary": text} for name, text in zip(used, texts, strict=True)]
 
 
 def _spectra(session: Session) -> list[JsonDict]:
