@@ -37,7 +37,10 @@ export const emission = {
 const placeOf = (one) => [one.condition, one.line && `line ${one.line}`, one.operating].filter(Boolean).join(", ");
 
 function frames({ spectra, prediction }, detector) {
-  const lines = spectra.filter((one) => one.detector === detector).map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: placeOf(one), color: one.background ? "--soft" : "--measured", width: 1 }));
+  const own = spectra.filter((one) => one.detector === detector), places = [...new Set(own.filter((one) => !one.background).map(placeOf))];
+  // Each line of the LISN and operating state has a colour; beyond two they alternate, and the caption tells them apart.
+  const color = (one) => (one.background ? "--soft" : ["--measured", "--other"][places.indexOf(placeOf(one)) % 2]);
+  const lines = own.map((one) => ({ x: one.frequency_hz, values: one.level_dbuv, label: placeOf(one), color: color(one), width: 1 }));
   const predicted = prediction?.predicted_dbuv?.[detector];
   if (predicted) lines.push({ x: prediction.frequency_hz, values: predicted, label: "predicted", color: "--model" });
   for (const [label, values, dash] of limits(prediction, detector)) lines.push({ x: prediction.frequency_hz, values, label, color: "--limit", dash });
