@@ -67,19 +67,24 @@ def test_its_parts_are_shown_with_their_values_and_not_named(found: me.Diagnosis
     assert any("several parts of the machine show at once" in reason for reason in found.reasons)
 
 
+HIDDEN = ("lead-inductance", "insulation-leakage@Cf", "suppressor-capacitor@frame", "skin-effect", "ground-strap-inductance")
+
+
 @pytest.mark.slow
-def test_several_effects_are_added_at_once_as_steps_of_one_each(tmp_path: Path, sweeps: list[me.ImpedanceSweep]) -> None:
+@pytest.mark.parametrize(("effects", "largest_percent"), [(HIDDEN[:3], 10), pytest.param(HIDDEN, 1, marks=pytest.mark.case)])
+def test_several_effects_are_added_at_once_as_steps_of_one_each(
+    tmp_path: Path, sweeps: list[me.ImpedanceSweep], effects: tuple[str, ...], largest_percent: float
+) -> None:
     files = []
     for sweep in sweeps:
         files.append(tmp_path / f"{sweep.termination}.csv")
         write_impedance_csv(files[-1], sweep)
     folder = tmp_path / "machine"
-    effects = ("lead-inductance", "insulation-leakage@Cf", "skin-effect", "suppressor-capacitor@frame", "ground-strap-inductance")
     for command in (("import", folder, "--short", files[0], "--open", files[1], "--analyser", "4294a"), ("add", folder, *effects)):
         done = CliRunner().invoke(app, list(map(str, command)))
         assert done.exit_code == 0, done.output
     ladder = [step["fit"] for step in load(folder).ladder]
-    assert [len(one["effects"]) for one in ladder] == [0, 1, 2, 3, 4, 5]
+    assert [len(one["effects"]) for one in ladder] == list(range(len(effects) + 1))
     assert all(set(one["effects"]) < set(other["effects"]) for one, other in itertools.pairwise(ladder))
     assert set(ladder[-1]["effects"]) == set(effects)
-    assert ladder[-1]["rms_error_percent"] < 1 < 50 < ladder[0]["rms_error_percent"]
+    assert ladder[-1]["rms_error_percent"] < largest_percent < 50 < ladder[0]["rms_error_percent"]
