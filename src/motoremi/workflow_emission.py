@@ -82,9 +82,13 @@ def _rate(running: Sequence[Spectrum]) -> float | None:
 
 def _motor(store: Store, progress: Progress | None = None) -> Fit:
     """The current model of the motor."""
-    if not has_motor(load(store.path)):
-        raise BadInput("a prediction needs the open-circuit sweep: the common-mode current flows from the terminals to the frame")
+    _refuse_without_motor(load(store.path))
     return current_steps(store, progress)[-1]
+
+
+def _refuse_without_motor(session: Session) -> None:
+    if not has_motor(session):
+        raise BadInput("a prediction needs the open-circuit sweep: the common-mode current flows from the terminals to the frame")
 
 
 def has_motor(session: Session) -> bool:
@@ -179,6 +183,9 @@ def predict_session(
         If they do not fit each other or the session, which is then unchanged.
     """
     session = load(store.path)
+    alone = bool(session.spectra) and not (with_model and has_motor(session))
+    if not alone:
+        _refuse_without_motor(session)
     state = _state(session)
     chosen_limit = find_limit(limit if limit is not None else state["limit"])
     refuse_other_unit(corrections if corrections is not None else session.corrections, chosen_limit)
@@ -192,7 +199,6 @@ def predict_session(
         state = {**state, "steps": []}
     state = _save(store, state, limit=limit if limit is not None else state["limit"], uncertainty_db=guard_db)
     session = load(store.path)
-    alone = bool(session.spectra) and not (with_model and has_motor(session))
     motor, stated = (None, _stated(session)) if alone else (_motor(store), setup_of(session))
     effects: tuple[str, ...] = ()
     if state["steps"] and not alone:

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from command_line import document, motoremi
 
-from motoremi.data.csvfiles import write_spectrum_csv
+from motoremi.data.csvfiles import write_impedance_csv, write_spectrum_csv
 from motoremi.data.session import load
 from motoremi.data.spectrum import Spectrum
+from motoremi.data.sweep import ImpedanceSweep
 from motoremi.emission.limit import find_limit
 from motoremi.errors import BadInput
 from motoremi.workbench.desk import Desk
@@ -42,6 +43,17 @@ def test_a_refused_call_keeps_nothing(session: Path, tmp_path: Path) -> None:
     after = load(session)
     assert (after.analysis("emission"), after.corrections.entries) == (before.analysis("emission"), ())
     assert document(motoremi("predict", session, "--json"))["limit"]["name"] == "cispr32-a"
+
+
+def test_a_session_that_nothing_can_be_predicted_from_keeps_nothing(tmp_path: Path) -> None:
+    """A short-circuit sweep alone: no current flows to the frame."""
+    frequency = np.geomspace(150e3, 30e6, 41)
+    write_impedance_csv(tmp_path / "short.csv", ImpedanceSweep("short", frequency, 3 + 2j * np.pi * frequency * 27e-6))
+    assert motoremi("import", tmp_path / "s", "--short", tmp_path / "short.csv").returncode == 0
+    done = motoremi("predict", tmp_path / "s", "--limit", "cispr32-a")
+    assert done.returncode == 2
+    assert "needs the open-circuit sweep" in done.stderr
+    assert load(tmp_path / "s").analysis("emission") is None
 
 
 def test_the_uncertainty_is_kept_and_shown(session: Path) -> None:
