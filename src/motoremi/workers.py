@@ -41,7 +41,7 @@ def own_processes() -> Iterator[Map]:
         return
     context = multiprocessing.get_context("fork")
     ended = context.Event()
-    with ProcessPoolExecutor(count, context, _begin, (ended,)) as executor:
+    with ProcessPoolExecutor(count, context, begin_worker, (ended,)) as executor:
         try:
             yield _Shared(executor)
         except BaseException:
@@ -75,7 +75,7 @@ class _Shared:
 
     def _submitted(self, work: Callable[[Job], Result], job: Job) -> Future[Result] | None:
         try:
-            return self._executor.submit(_done, work, job)
+            return self._executor.submit(until_ended, work, job)
         except BrokenProcessPool:
             return None
 
@@ -92,8 +92,8 @@ class _Shared:
 _ended: Event
 
 
-def _begin(ended: Event) -> None:
-    """Initialise a worker process."""
+def begin_worker(ended: Event) -> None:
+    """Initialise a worker process: it leaves signals to its parent and ends with it."""
     global _ended
     _ended = ended
     # Ctrl-C and a closed terminal are handled by the parent process.
@@ -111,6 +111,7 @@ def _leave_with_parent() -> None:
     os._exit(1)
 
 
-def _done(work: Callable[[Job], Result], job: Job) -> Result:
+def until_ended(work: Callable[[Job], Result], job: Job) -> Result:
+    """In a worker process: the result of `work`, which is cancelled when the event given to `begin_worker` is set."""
     with cancelled_by(_ended.is_set):
         return work(job)

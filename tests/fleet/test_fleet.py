@@ -7,6 +7,10 @@ import os
 import re
 import shutil
 import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
@@ -21,9 +25,11 @@ from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.fleet import run as fleet_run
+from motoremi.fleet.fleet_frames import motors_of, table_of
+from motoremi.fleet.limits import parse_tolerances, tolerance_factor
 from motoremi.fleet.page import fleet_html
 from motoremi.fleet.run import RESULTS, DaskCluster, ExecutorMaker, LocalProcesses, run_fleet, sessions_in, settled, stored_results
-from motoremi.fleet.statistics import fleet_figures, tolerance_factor
+from motoremi.fleet.statistics import fleet_figures
 from motoremi.fleet.work import Job, serial_of, work
 
 pytestmark = pytest.mark.slow
@@ -179,6 +185,51 @@ def test_addresses_that_are_no_cluster():
         DaskCluster("tcp://127.0.0.1:9")
 
 
+def results_without_fits(root: Path) -> list[str]:
+    """Sessions that hold nothing, so that a fleet of them is done at once."""
+    for number in range(3):
+        with SessionWriter.create(root / f"motor-{number}", {"title": "x"}) as writer:
+            writer.close("done")
+    return [str(root), "--fit-only", "--jobs", "1", "--out", str(root.with_name("out"))]
+
+
+def test_a_fleet_without_any_result_and_one_that_is_to_be_good_have_an_exit_status(tmp_path, folder):
+    nothing = CliRunner().invoke(app, ["fleet", *results_without_fits(tmp_path / "empty")])
+    assert nothing.exit_code == 1
+    assert "no result 3" in nothing.output
+    assert re.search(r"^20\d\d-\S+ 3 of 3 sessions, last motor-\d$", nothing.stderr, re.MULTILINE)
+    for more, status in (([], 0), (["--strict"], 1)):
+        done = CliRunner().invoke(app, ["fleet", str(folder), "--fit-only", "--jobs", "1", "--out", str(tmp_path / "out"), *more])
+        assert done.exit_code == status
+        assert "line/nothing: no result: " in done.output
+
+
+def test_a_stopped_fleet_says_how_to_continue_and_leaves_no_worker(folder, tmp_path):
+    """SIGTERM, as `timeout` and service managers send it."""
+    command = [sys.executable, "-m", "motoremi", "fleet", str(folder), "--jobs", "2", "--out", str(tmp_path / "out")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as started:
+        until(lambda: (tmp_path / "out" / RESULTS).exists() and len(children(started.pid)) >= 2)
+        workers = children(started.pid)
+        started.terminate()
+        assert started.stderr is not None
+        told = started.stderr.read()
+    assert started.returncode == 130
+    assert re.search(r"stopped; \d+ results are kept in .*fleet.jsonl: the same command continues", told)
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
+
+
+def children(pid: int) -> list[int]:
+    return [int(text) for text in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def until(holds: Callable[[], bool]) -> None:
+    for _ in range(600):
+        if holds():
+            return
+        time.sleep(0.1)
+    raise AssertionError("it did not come about within a minute")
+
+
 def test_the_command(folder, tmp_path):
     arguments = ["fleet", str(folder), "--out", str(tmp_path / "out"), "--jobs", "1", "--fit-only", "--golden", "golden/*"]
     result = CliRunner().invoke(app, [*arguments, "--json"])
@@ -196,6 +247,9 @@ def test_the_command(folder, tmp_path):
     page = (tmp_path / "out" / "fleet.html").read_text()
     assert "Fleet report" in page
     assert not re.search(r'(?:src|href)="http', page)
+    motors = pd.read_csv(tmp_path / "out" / "motors.csv", index_col="session")
+    assert motors.loc["line/nothing", "result"] == "no result"
+    assert len(motors) == 8
     table = pd.read_csv(tmp_path / "out" / "parameters.csv", index_col="session")
     assert len(table) == 6
     assert list(table.columns[:4]) == ["Ra_ohm", "Ra_ohm_sigma", "La_h", "La_h_sigma"]
@@ -254,6 +308,107 @@ def test_figures_find_the_drift_the_outlier_and_the_effects():
     page = fleet_html(figures, "story")
     assert "Kendall" in page
     assert "line/m030" in page
+
+
+def test_each_motor_has_a_result_and_reasons():
+    results = story()
+    results.append({"session": "line/cut", "status": "bad", "trouble": "the file is cut off"})
+    for result in results[:5]:
+        result["best"]["floor_percent"] = 0.3
+    figures = fleet_figures(results, "golden/*")
+    motors = {one["session"]: one for one in figures["motors"]}
+    assert figures["motors"][0]["session"] == "line/m030"
+    assert motors["line/m030"]["result"] == "beyond limits"
+    assert re.fullmatch(r"Cf 1\.\d+ nF, limits 1\d+\.?\d* pF - 2\d+\.?\d* pF \(\+\d+ % from golden\)", motors["line/m030"]["reasons"][0])
+    assert motors["line/m004"] == {"session": "line/m004", "serial": "A-4", "result": "within limits", "reasons": []}
+    assert (motors["golden/m001"]["result"], motors["line/cut"]["result"]) == ("golden", "no result")
+    assert motors["line/cut"]["reasons"] == ["the file is cut off"]
+    assert {one["result"] for one in fleet_figures(results)["motors"]} == {"no result", "not judged"}
+    page = fleet_html(figures, "story")
+    assert "beyond limits 1, no result 2, within limits" in page
+    assert "not that the motor is a good one" in page
+    table = table_of(figures)
+    assert motors_of(figures).loc["line/cut"].tolist() == ["", "no result", "the file is cut off"]
+    assert table.loc["line/m030", "Cf_f_from_golden_percent"] == pytest.approx(900, rel=0.2)
+
+
+def test_an_error_within_what_the_analyser_leaves_is_none_of_the_motor():
+    results = story()
+    for result, floor in ((results[4], 1.0), (results[8], 0.1)):
+        result["best"] |= {"rms_error_percent": 0.5, "floor_percent": floor}
+    # An error that is smaller than all others: fewer points, say.
+    results[12]["best"]["rms_error_percent"] = 0.01
+    figures = fleet_figures(results, "golden/*")
+    for told in ("outliers", "beyond_limits"):
+        assert {one["session"] for one in figures[told] if one["parameter"] == "error"} == {"line/m008"}
+
+
+def test_limits_are_kept_by_motors_like_the_golden_ones():
+    """By 95 % of them for all values together, and by the golden ones themselves."""
+    rng = np.random.default_rng(8)
+    results = []
+    for n in range(1060):
+        parameters = {name: {"value": float(np.exp(0.05 * rng.normal())), "sigma": 0.0, "unit": "F"} for name in ("Ca", "Cr", "Cf", "La", "Lr")}
+        best = {"converged": True, "rms_error_percent": 0.1, "parameters": parameters}
+        results.append({"session": f"{'golden' if n < 60 else 'line'}/{n}", "status": "done", "serial": "", "time": "", "best": best})
+    figures = fleet_figures(results, "golden/*")
+    beyond = {one["session"] for one in figures["beyond_limits"]}
+    assert 0 < len(beyond) <= 50
+    assert not any(session.startswith("golden") for session in beyond)
+
+
+def test_one_golden_motor_is_enough_for_stated_tolerances():
+    results = [result for result in story() if result["session"].startswith("line")]
+    figures = fleet_figures(results, "line/m000", parse_tolerances(["20%", "Cf = 30 %"]))
+    assert (figures["no_limits"], sorted(figures["limits"])) == ("", ["Cf", "La"])
+    first = {name: column["line/m000"] for name, column in figures["values"].items()}
+    assert figures["limits"]["Cf"]["high"] == pytest.approx(1.3 * first["Cf"])
+    assert figures["limits"]["La"]["low"] == pytest.approx(0.8 * first["La"])
+    assert {one["session"] for one in figures["beyond_limits"]} == {"line/m030"}
+    assert "stated deviations from their mean: each element 20 %, Cf 30 %" in fleet_html(figures, "x")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"), [("Cx=10%", "no element"), ("0.1", "write a percentage"), ("Ca=ten", "write a percentage"), ("100%", "below 100 %")]
+)
+def test_tolerances_that_are_none(text, told):
+    with pytest.raises(BadInput, match=told):
+        parse_tolerances([text])
+
+
+def test_motors_that_are_there_twice_are_told():
+    results = story()
+    results.append({**results[3], "session": "line/copy"})
+    figures = fleet_figures(results)
+    assert figures["alike"] == {"serial": [["golden/m003", "line/copy"]], "data": [["golden/m003", "line/copy"]]}
+    page = fleet_html(figures, "x")
+    assert "golden/m003; line/copy: the same serial number" in page
+    assert "golden/m003; line/copy: the same data" in page
+
+
+def test_drift_is_not_denied_where_it_was_not_tested():
+    """Three points of a life test cannot be significant in any order; data without a date have none."""
+    three = fleet_figures(story(3))
+    assert three["testable"] == []
+    page = fleet_html(three, "x")
+    assert "Not tested." in page
+    assert "No parameter depends" not in page
+    undated = [{**result, "time": ""} for result in story()]
+    figures = fleet_figures(undated)
+    assert (figures["testable"], figures["undated"]) == (["serial"], 59)
+    page = fleet_html(figures, "x")
+    assert "Time is not tested: too few sessions have one." in page
+    assert "The files of 59 sessions do not state when they were measured." in page
+
+
+def test_an_imported_motor_has_the_date_of_its_measurement(tmp_path):
+    frequency = np.geomspace(150e3, 30e6, 61)
+    impedance = 3 + 2j * np.pi * frequency * 27e-6
+    rows = "\n".join(f"{f},{z.real},{z.imag}" for f, z in zip(frequency, impedance, strict=True))
+    for name, header in (("dated", "# Date: 2026-01-31 09:00:00\n"), ("undated", "")):
+        (tmp_path / f"{name}.csv").write_text(f"{header}frequency_hz,resistance_ohm,reactance_ohm\n{rows}\n")
+        assert motoremi("import", tmp_path / "all" / name, "--short", tmp_path / f"{name}.csv").returncode == 0
+    assert [work(Job(name, str(tmp_path / "all"), False, 1))["time"] for name in ("dated", "undated")] == ["2026-01-31 09:00:00", ""]
 
 
 def test_what_was_not_looked_for_is_not_called_none():

@@ -3,15 +3,52 @@
 from __future__ import annotations
 
 import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motoremi.cli.options import AsJson, command
+from motoremi.data.text import clean_text
 
 if TYPE_CHECKING:
-    from motoremi.arrays import JsonDict
+    from motoremi.arrays import Progress
+
+# Number of motors that are listed, and seconds between two lines of progress in a log.
+SHOWN, LOGGED_S = 10, 10.0
+
+
+def logged() -> Progress:
+    """Progress for a log file, where no bars are shown: a line now and then on standard error, with the time."""
+    last = -LOGGED_S
+
+    def advance(name: str, done: int, total: int) -> None:
+        nonlocal last
+        if time.monotonic() > last + LOGGED_S or done == total:
+            last = time.monotonic()
+            now = datetime.now().astimezone().isoformat(timespec="seconds")
+            sys.stderr.write(f"{now} {done} of {total} sessions, last {clean_text(name)}\n")
+            sys.stderr.flush()
+
+    return advance
+
+
+@contextmanager
+def continuable(results: Path) -> Iterator[None]:
+    """If the block is stopped, say how many results are kept and how to continue."""
+    from motoremi.errors import Stopped
+
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        kept = results.read_bytes().count(b"\n") if results.is_file() else 0
+        raise Stopped(f"stopped; {kept} results are kept in {results}: the same command continues") from stop
 
 
 def fleet_(
@@ -24,6 +61,18 @@ def fleet_(
     golden: Annotated[
         str | None, typer.Option(metavar="PATTERN", help='Sessions of motors known to be good, such as "golden/*": limits for the rest.')
     ] = None,
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="TEXT",
+            help="With --golden: allowed deviation from the golden motors, 10% for all elements or Ca=20% for one; may be repeated. "
+            "One golden motor is enough then.",
+            show_default=False,
+        ),
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit status 1 if a motor is beyond the limits, or a session has no result or serious findings.")
+    ] = False,
     fit_only: Annotated[bool, typer.Option("--fit-only", help="Fit the paper's circuit and do not look for missing effects.")] = False,
     reports: Annotated[bool, typer.Option("--reports", help="Write each session's own report as well, into reports/ of the results.")] = False,
     seed: Annotated[int, typer.Option(help="Start of the random numbers; the same seed gives the same result.", min=0)] = 1,
@@ -34,35 +83,49 @@ def fleet_(
     from motoremi.cli.output import emit_json, say
     from motoremi.data.plain import to_page
     from motoremi.data.storage import write_whole
+    from motoremi.errors import BadInput
+    from motoremi.fleet.fleet_frames import motors_of, table_of
+    from motoremi.fleet.limits import golden_sessions, parse_tolerances
+    from motoremi.fleet.motors import OUTCOMES
     from motoremi.fleet.page import NOT_LOOKED_FOR, fleet_html
-    from motoremi.fleet.run import RESULTS, DaskCluster, LocalProcesses, run_fleet, sessions_in, settled
-    from motoremi.fleet.statistics import fleet_figures, golden_sessions
+    from motoremi.fleet.run import FIGURES, RESULTS, DaskCluster, LocalProcesses, run_fleet, sessions_in, settled
+    from motoremi.fleet.statistics import fleet_figures
     from motoremi.fleet.work import Job
+    from motoremi.interrupts import stopped_by_signals
 
     root = folder.resolve()
     target = out if out is not None else root.with_name(f"{root.name}-fleet")
     pages = str(target.resolve() / "reports") if reports else ""
     sessions = sessions_in(root)
+    tolerances = parse_tolerances(tolerance or ())
+    if tolerances and golden is None:
+        raise BadInput("--tolerance needs the motors that it is counted from: --golden PATTERN")
     if golden is not None:
         # A mistyped pattern is reported before hours of work.
         golden_sessions(sessions, golden)
     work = [Job(session, str(root), not fit_only, seed, pages) for session in sessions]
     maker = DaskCluster(scheduler) if scheduler is not None else LocalProcesses(jobs)
     try:
-        with progress_bars(as_json) as bars:
-            computed = run_fleet(work, target, maker, bars.bar("fleet"))
+        with stopped_by_signals(), continuable(target / RESULTS), progress_bars(as_json) as bars:
+            computed = run_fleet(work, target, maker, bars.bar("fleet") or logged())
     finally:
         if isinstance(maker, DaskCluster):
             maker.close()
-    figures = fleet_figures(settled(work, target / RESULTS), golden)
+    figures = fleet_figures(settled(work, target / RESULTS), golden, tolerances)
     # The values of each session are in the table.
-    shown = {key: value for key, value in figures.items() if key not in ("values", "sigma", "answers", "times", "serials")}
-    write_whole(target / "fleet.json", to_page(shown).encode())
-    write_whole(target / "parameters.csv", _parameter_table(figures).encode())
+    shown = {key: value for key, value in figures.items() if key not in ("values", "sigma", "answers", "times", "numbers", "serials")}
+    write_whole(target / FIGURES, to_page(shown).encode())
+    write_whole(target / "parameters.csv", table_of(figures).to_csv(lineterminator="\n").encode())
+    # Spreadsheets need the mark at the beginning to read names with umlauts.
+    write_whole(target / "motors.csv", motors_of(figures).to_csv(lineterminator="\n").encode("utf-8-sig"))
     write_whole(target / "fleet.html", fleet_html(figures, folder.name).encode())
+    by_result = Counter(one["result"] for one in figures["motors"])
+    failed = (strict and any(by_result[name] for name in ("beyond limits", "no result", "data in doubt"))) or by_result["no result"] == len(
+        sessions
+    )
     if as_json:
         emit_json({**shown, "computed_now": computed, "folder": str(target), "report": str(target / "fleet.html")})
-        return
+        raise typer.Exit(int(failed))
     counts = figures["counts"]
     say(f"{counts['sessions']} sessions, {computed} computed now, {counts['troubled']} troubled")
     if not figures["diagnosed"]:
@@ -72,18 +135,21 @@ def fleet_(
     for name, sessions in figures["findings"].items():
         say(f"  found, serious: {name:12s} {len(sessions)}")
     if figures["no_limits"]:
-        say(f"  no limits from the golden set: {figures['no_limits']}")
+        say(f"  no limits from the golden set: {figures['no_limits']} (or state what may differ: --tolerance 10%)")
     elif golden is not None:
-        say(f"  beyond the golden set's limits: {len({entry['session'] for entry in figures['beyond_limits']})} motors")
-    for trouble in figures["troubles"][:10]:
-        say(f"  {trouble['session']}: {trouble['trouble']}")
-    say(f"report: {target / 'fleet.html'}\ntables: {target / 'fleet.json'}, {target / 'parameters.csv'}")
-
-
-def _parameter_table(figures: JsonDict) -> str:
-    from motoremi.fleet.fleet_frames import table_of
-
-    return str(table_of(figures).to_csv(lineterminator="\n"))
+        say(f"  beyond the golden set's limits: {by_result['beyond limits']} motors")
+    say(f"  {', '.join(f'{name} {by_result[name]}' for name in OUTCOMES if by_result[name])}")
+    told = [one for one in figures["motors"] if one["result"] not in ("within limits", "golden") and one["reasons"]]
+    for one in told[:SHOWN]:
+        say(f"  {one['session']}: {one['result']}: {'; '.join(one['reasons'])}")
+    if len(told) > SHOWN:
+        say(f"  and {len(told) - SHOWN} more")
+    for sessions in figures["alike"]["serial"][:SHOWN]:
+        say(f"  the same serial number: {', '.join(sessions)}")
+    for sessions in figures["alike"]["data"][:SHOWN]:
+        say(f"  the same data: {', '.join(sessions)}")
+    say(f"report: {target / 'fleet.html'}\ntables: {', '.join(str(target / name) for name in (FIGURES, 'motors.csv', 'parameters.csv'))}")
+    raise typer.Exit(int(failed))
 
 
 def register(app: typer.Typer) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from motoremi.arrays import JsonDict
+from motoremi.data.plain import object_from_json
 from motoremi.errors import BadInput
-from motoremi.fleet.run import RESULTS, stored_results
+from motoremi.fleet.limits import parse_tolerances
+from motoremi.fleet.run import FIGURES, RESULTS, stored_results
 from motoremi.fleet.statistics import fleet_figures
 from motoremi.model.effects.names import as_sum
 
@@ -16,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def fleet_frames(folder: str | os.PathLike[str], golden: str | None = None) -> dict[str, pd.DataFrame]:
+def fleet_frames(folder: str | os.PathLike[str], golden: str | None = None, tolerances: Sequence[str] = ()) -> dict[str, pd.DataFrame]:
     """The tables of a fleet's results.
 
     Parameters
@@ -24,15 +27,18 @@ def fleet_frames(folder: str | os.PathLike[str], golden: str | None = None) -> d
     folder : path
         Where `motoremi fleet` put its results; the last result of each session counts.
     golden : str, optional
-        As in `motoremi fleet --golden`.
+        As in `motoremi fleet --golden`; by default as in the run that made the results.
+    tolerances : sequence of str, optional
+        As in `motoremi fleet --tolerance`, such as `10%` or `Ca=20%`; by default as in that run, if `golden` is not given either.
 
     Returns
     -------
     dict
         `values`: a row for each session, a column for each parameter with its unit at the end (`La_h`, `rms_error_percent`), `time_s`
-        (since 1970) and `serial` where they are known, and `verdict`, `effects` and `confidence` if the fleet was diagnosed; `sigma`: the standard
-        deviations of the same parameters; `parameters`: distribution of each column over the sessions; `drift`, `outliers`,
-        `limits`, `beyond_limits` and `troubles`, in SI units.
+        (of the measurement, since 1970) and `serial` (text) where they are known, and `verdict`, `effects` and `confidence` if the fleet was
+        diagnosed; `sigma`: the standard deviations of the same parameters; `from_golden`: deviations of those that have limits, in percent;
+        `motors`: `result` and `reasons` of each session, also of those without values, the worst first; `parameters`: distribution of each column
+        over the sessions; `drift`, `outliers`, `limits`, `beyond_limits` and `troubles`, in SI units.
 
     Raises
     ------
@@ -43,7 +49,10 @@ def fleet_frames(folder: str | os.PathLike[str], golden: str | None = None) -> d
     last = {str(result["session"]): result for result in stored_results(log)}
     if not last:
         raise BadInput(f"{folder}: no results of a fleet (a file {RESULTS}) in this folder")
-    return frames_of(fleet_figures(last.values(), golden))
+    if golden is None and (stored := Path(folder) / FIGURES).is_file():
+        before = object_from_json(stored.read_bytes())
+        return frames_of(fleet_figures(last.values(), before.get("golden"), before.get("tolerances")))
+    return frames_of(fleet_figures(last.values(), golden, parse_tolerances(tolerances)))
 
 
 def frames_of(figures: JsonDict) -> dict[str, pd.DataFrame]:
@@ -59,19 +68,29 @@ def frames_of(figures: JsonDict) -> dict[str, pd.DataFrame]:
     for title in ("verdict", "effects", "confidence") if figures["answers"] else ():
         told = {session: as_sum(answer[title]) if title == "effects" else answer[title] for session, answer in figures["answers"].items()}
         values[title] = pd.Series(told)
+    from_golden = pd.DataFrame({titles[name]: 100 * (values[titles[name]] / limit["middle"] - 1) for name, limit in figures["limits"].items()})
+    motors = pd.DataFrame(figures["motors"], columns=["session", "serial", "result", "reasons"]).set_index("session")
     sigma = pd.DataFrame(figures["sigma"]).reindex(values.index).rename(columns=titles)
     parameters = pd.DataFrame.from_dict(figures["parameters"], orient="index").rename(index=titles)
     limits = pd.DataFrame.from_dict(figures["limits"], orient="index").rename(index=titles)
     lists = {name: pd.DataFrame(figures[name]) for name in ("drift", "outliers", "beyond_limits", "troubles")}
-    return {"values": values, "sigma": sigma, "parameters": parameters, "limits": limits, **lists}
+    return {"values": values, "sigma": sigma, "from_golden": from_golden, "motors": motors, "parameters": parameters, "limits": limits, **lists}
 
 
 def table_of(figures: JsonDict) -> pd.DataFrame:
-    """Values and standard deviations in one table: a row for each session, `Ra_ohm` and after it `Ra_ohm_sigma`."""
+    """Values, standard deviations and deviations in one table: `Ra_ohm`, after it `Ra_ohm_sigma` and `Ra_ohm_from_golden_percent`, and so on."""
     frames = frames_of(figures)
-    values, sigma = frames["values"], frames["sigma"]
-    order = [title for name in values for title in (name, f"{name}_sigma" if name in sigma else None) if title is not None]
-    return values.join(sigma.add_suffix("_sigma"))[order]
+    table, beside = frames["values"], {"_sigma": frames["sigma"], "_from_golden_percent": frames["from_golden"]}
+    order = [title for name in table for title in (name, *(f"{name}{ending}" for ending, frame in beside.items() if name in frame))]
+    for ending, frame in beside.items():
+        table = table.join(frame.add_suffix(ending))
+    return table[order]
+
+
+def motors_of(figures: JsonDict) -> pd.DataFrame:
+    """Serial number, result and reasons of each session, as text."""
+    motors = frames_of(figures)["motors"]
+    return motors.assign(reasons=motors["reasons"].map("; ".join))
 
 
 def _title(name: str, unit: str) -> str:

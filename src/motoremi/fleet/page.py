@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from motoremi.arrays import JsonDict
-from motoremi.fleet.statistics import FEWEST
+from motoremi.fleet.limits import FEWEST
+from motoremi.fleet.motors import OUTCOMES
 from motoremi.quantities import percent, show
 from motoremi.report.axes import BLUE, VERMILION
 from motoremi.report.contents import Box, Picture, Report, Section, Table
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LONGEST_TABLE = 50
+_AXES = {"time": "time", "serial": "serial number"}
 # What is said of effects and findings if no session was diagnosed.
 NOT_LOOKED_FOR = "not looked for"
 _NOBODY_LOOKED = "They were not looked for: no session was diagnosed."
@@ -40,11 +43,13 @@ def _report(figures: JsonDict, title: str) -> Report:
     ]
     if figures["golden"]:
         headline.append(_beyond_limits(figures))
-    sections = [_distributions(figures), _missing(figures), _found(figures), _drifts(figures), _strays(figures)]
+    sections = [_each_motor(figures), _distributions(figures), _missing(figures), _found(figures), _drifts(figures), _strays(figures)]
     if figures["golden"]:
         sections.append(_golden(figures))
-    warnings = tuple(f"{t['session']}: {t['trouble']}" for t in figures["troubles"][:_LONGEST_TABLE])
-    more = len(figures["troubles"]) - len(warnings)
+    same = [f"{_listed(sessions)}: the same serial number" for sessions in figures["alike"]["serial"]]
+    same += [f"{_listed(sessions)}: the same data" for sessions in figures["alike"]["data"]]
+    warnings = (*same[:_LONGEST_TABLE], *(f"{t['session']}: {t['trouble']}" for t in figures["troubles"][:_LONGEST_TABLE]))
+    more = len(figures["troubles"]) + len(same) - len(warnings)
     return Report(
         "Fleet report",
         title,
@@ -53,6 +58,27 @@ def _report(figures: JsonDict, title: str) -> Report:
         tuple(sections),
         figures,
     )
+
+
+def _each_motor(figures: JsonDict) -> Section:
+    counts = Counter(one["result"] for one in figures["motors"])
+    said = [f"{', '.join(f'{name} {counts[name]}' for name in OUTCOMES if counts[name])}."]
+    if not figures["limits"]:
+        said.append("Whether a motor is good is judged by limits only: name motors that are known to be good (--golden).")
+    if figures["diagnosed"]:
+        said.append(
+            "The verdict of a diagnosis is about the circuit: `adequate` says that it describes the sweeps, not that the motor is a good one."
+        )
+    told = [one for one in figures["motors"] if one["result"] not in ("within limits", "golden") and one["reasons"]]
+    rows = tuple((one["session"], one["serial"], one["result"], "; ".join(one["reasons"])) for one in told[:_LONGEST_TABLE])
+    tables = (Table("Motors to look at, the worst first", ("session", "serial", "result", "why"), rows),) if rows else ()
+    return Section("Each motor", (*said, *_and_more(len(told))), tables)
+
+
+def _and_more(count: int) -> tuple[str, ...]:
+    """What is said of a table that does not hold all of so many rows."""
+    more = count - _LONGEST_TABLE
+    return (f"The table holds the first {_LONGEST_TABLE}; {more} more are in fleet.json.",) if more > 0 else ()
 
 
 def _beyond_limits(figures: JsonDict) -> tuple[str, str, str]:
@@ -108,13 +134,20 @@ def _found(figures: JsonDict) -> Section:
 
 
 def _drifts(figures: JsonDict) -> Section:
+    few = [f"{title} is not tested: too few sessions have one" for axis, title in _AXES.items() if axis not in figures["testable"]]
+    if figures["undated"]:
+        few.append(f"the files of {figures['undated']} sessions do not state when they were measured")
+    few = [f"{text[0].upper()}{text[1:]}." for text in few]
     if not figures["drift"]:
-        return Section("Drift", ("No parameter depends on time or serial number (significance level 1 %, corrected for the number of tests).",))
+        tested = " or ".join(title for axis, title in _AXES.items() if axis in figures["testable"])
+        none = f"No parameter depends on {tested} (significance level 1 %, corrected for the number of tests)." if tested else "Not tested."
+        several = ("Reports of several sessions (motoremi report SESSION SESSION ...) compare each with the first.",) if not tested else ()
+        return Section("Drift", (none, *few, *several))
     rows = tuple(
         (d["parameter"], d["along"], str(d["n"]), f"{d['change_percent']:+.3g} %", f"{d['tau']:+.2f}", f"{d['p']:.1e}") for d in figures["drift"]
     )
     table = Table("Parameters that depend on time or serial number", ("parameter", "along", "n", "from first to last", "Kendall's tau", "p"), rows)
-    return Section("Drift", (), (table,), (Picture(to_svg(_trends(figures), "drift", "drift"), "Parameters that drift."),))
+    return Section("Drift", tuple(few), (table,), (Picture(to_svg(_trends(figures), "drift", "drift"), "Parameters that drift."),))
 
 
 def _strays(figures: JsonDict) -> Section:
@@ -124,26 +157,32 @@ def _strays(figures: JsonDict) -> Section:
     )
     title = "Farthest from the median, in standard deviations: the fleet's, robust, and that of the motor's own value together"
     table = Table(title, ("session", "parameter", "value", "distance"), rows)
-    return Section("Outliers", () if rows else ("None.",), (table,) if rows else ())
+    return Section("Outliers", _and_more(len(found)) if rows else ("None.",), (table,) if rows else ())
 
 
 def _golden(figures: JsonDict) -> Section:
     limits = tuple((name, str(x["n"]), _shown(figures, name, x["low"]), _shown(figures, name, x["high"])) for name, x in figures["limits"].items())
-    text = f"Sessions {figures['golden']!r} are the golden set. The limits contain 95 % of such motors with 95 % confidence. "
-    text += "A value is beyond them if it is so with its own uncertainty."
+    text = f"Sessions {figures['golden']!r} are the golden set. "
+    if figures["tolerances"]:
+        stated = ", ".join(f"{name or 'each element'} {percent(100 * share)}" for name, share in figures["tolerances"].items())
+        text += f"The limits are stated deviations from their mean: {stated}. "
+    else:
+        text += "The limits contain all values of 95 % of such motors, with 95 % confidence for each value. "
+    text += "A value is beyond them if it is so with its own uncertainty; an error also has to exceed what noise and analyser would leave."
     if figures["no_limits"]:
         return Section("Limits from the golden set", (text, f"No limits: {figures['no_limits']}."))
     without = [name for name in figures["parameters"] if name not in figures["limits"]]
     few = (f"Determined by fewer than {FEWEST} golden motors, so without limits: {', '.join(without)}.",) if without else ()
+    found = figures["beyond_limits"]
     beyond = tuple(
-        (b["session"], b["parameter"], _shown(figures, b["parameter"], b["value"]))
-        for b in sorted(figures["beyond_limits"], key=lambda entry: entry["session"])[:_LONGEST_TABLE]
+        (b["session"], b["parameter"], _shown(figures, b["parameter"], b["value"]), f"{b['deviation_percent']:+.3g} %")
+        for b in found[:_LONGEST_TABLE]
     )
     tables = (
         Table("Limits", ("parameter", "golden motors", "low", "high"), limits),
-        Table("Beyond the limits", ("session", "parameter", "value"), beyond),
+        Table("Beyond the limits, the farthest from the golden motors first", ("session", "parameter", "value", "from golden"), beyond),
     )
-    return Section("Limits from the golden set", (text, *few), tables if beyond else tables[:1])
+    return Section("Limits from the golden set", (text, *few, *_and_more(len(found))), tables if beyond else tables[:1])
 
 
 def _histograms(figures: JsonDict) -> Figure:
@@ -178,7 +217,7 @@ def _trends(figures: JsonDict) -> Figure:
     figure = Figure(figsize=(3.4 * across, 2.4 * down), layout="constrained")
     for number, drift in enumerate(drifts, start=1):
         axes = figure.add_subplot(down, across, number)
-        places = figures["times" if drift["along"] == "time" else "serials"]
+        places = figures["times" if drift["along"] == "time" else "numbers"]
         column = figures["values"][drift["parameter"]]
         pairs = sorted((places[session], value) for session, value in column.items() if session in places)
         x, y = np.array(pairs).T

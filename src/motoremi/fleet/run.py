@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -19,8 +21,9 @@ from motoremi.data.storage import AppendFile, write_whole
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.export.extras import needs
 from motoremi.fleet.work import Job, work
+from motoremi.workers import begin_worker, until_ended
 
-RESULTS = "fleet.jsonl"
+RESULTS, FIGURES = "fleet.jsonl", "fleet.json"
 # Number of jobs submitted for each worker: enough to keep it busy, few enough to limit the memory.
 _IN_FLIGHT = 4
 # Number of times that a session is tried whose worker ends while it works on this session alone.
@@ -118,9 +121,17 @@ class ExecutorMaker:
 
     workers = 1
 
+    @property
+    def task(self) -> Callable[[Job], JsonDict]:
+        """What a worker does with a job."""
+        return work
+
     def open(self) -> Executor:
         """A new executor."""
         raise NotImplementedError
+
+    def stop(self) -> None:
+        """End the work in progress soon, if that is possible."""
 
 
 class LocalProcesses(ExecutorMaker):
@@ -128,9 +139,17 @@ class LocalProcesses(ExecutorMaker):
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
+        self._ended = multiprocessing.Event()
 
     def open(self) -> Executor:
-        return ProcessPoolExecutor(self.workers)
+        return ProcessPoolExecutor(self.workers, initializer=begin_worker, initargs=(self._ended,))
+
+    def stop(self) -> None:
+        self._ended.set()
+
+    @property
+    def task(self) -> Callable[[Job], JsonDict]:
+        return partial(until_ended, work)
 
 
 class DaskCluster(ExecutorMaker):
@@ -171,17 +190,17 @@ def _computed(jobs: Sequence[Job], maker: ExecutorMaker) -> Iterator[JsonDict]:
     tries: dict[Job, int] = {}
     queue = iter(jobs)
     suspects: list[Job] = []
-    with ExitStack() as stack:
+    with ExitStack() as stack, _stopping(maker):
         pool = stack.enter_context(maker.open())
         flying: dict[Future[JsonDict], Job] = {}
         while True:
             if suspects and not flying:
                 # After a worker has ended, the jobs in progress are run one at a time to find the one that caused it.
                 job = suspects.pop()
-                flying[pool.submit(work, job)] = job
+                flying[pool.submit(maker.task, job)] = job
             elif not suspects and not any(job in tries for job in flying.values()):
                 for job in islice(queue, _IN_FLIGHT * maker.workers - len(flying)):
-                    flying[pool.submit(work, job)] = job
+                    flying[pool.submit(maker.task, job)] = job
             if not flying:
                 return
             finished, _ = wait(flying, return_when=FIRST_COMPLETED)
@@ -208,6 +227,16 @@ def _computed(jobs: Sequence[Job], maker: ExecutorMaker) -> Iterator[JsonDict]:
                         yield _lost(job, "its worker died")
                     else:
                         suspects.append(job)
+
+
+@contextmanager
+def _stopping(maker: ExecutorMaker) -> Iterator[None]:
+    """If the block is left by an exception, the workers do not finish what they are doing."""
+    try:
+        yield
+    except BaseException:
+        maker.stop()
+        raise
 
 
 def _lost(job: Job, why: str) -> JsonDict:

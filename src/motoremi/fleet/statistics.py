@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import fnmatch
+import math
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -13,7 +13,8 @@ import numpy as np
 from scipy import stats
 
 from motoremi.arrays import FloatArray, JsonDict
-from motoremi.errors import BadInput
+from motoremi.fleet.limits import ERROR, FEWEST, beyond_limits, golden_sessions, limits_of
+from motoremi.fleet.motors import each_motor
 from motoremi.model.motor import BASE_PARAMETERS
 from motoremi.report.words import findings_of, serious_of
 
@@ -21,9 +22,6 @@ from motoremi.report.words import findings_of, serious_of
 OUTLIER = 4.0
 # Significance level of a drift, for all parameters and both axes together.
 DRIFT_P = 0.01
-# Limits contain 95 % of motors like the golden ones, with 95 % confidence (two-sided normal tolerance interval, Howe 1969).
-CONTENT, CONFIDENCE = 0.95, 0.95
-FEWEST = 5
 
 
 @dataclass(frozen=True)
@@ -36,6 +34,8 @@ class _Row:
     values: dict[str, float]
     # Relative standard deviation of each value by its own fit.
     sigma: dict[str, float]
+    # The error that noise and analyser would leave with a perfect circuit, in percent.
+    floor: float
 
 
 def _relative_sigma(entry: JsonDict, value: float) -> float:
@@ -44,7 +44,7 @@ def _relative_sigma(entry: JsonDict, value: float) -> float:
     return abs(float(sigma) / value) if sigma is not None and np.isfinite(sigma) and value else 0.0
 
 
-def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> JsonDict:
+def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolerances: Mapping[str, float] | None = None) -> JsonDict:
     """The fleet's figures.
 
     Parameters
@@ -53,6 +53,8 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         Results of `work`.
     golden : str, optional
         Pattern of session names (`golden/*`) whose motors are known to be good.
+    tolerances : mapping, optional
+        Stated limits, as in `limits.limits_of`; by default they are made of the spread of the golden motors.
 
     Returns
     -------
@@ -60,7 +62,9 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         `counts`, `diagnosed` (sessions in which effects and findings were looked for), `verdicts`, `effects`, `findings` (each serious one with its
         sessions), `parameters` (n, median, robust spread, quantiles), `undetermined` (sessions whose data do not determine a parameter, which are
         not compared by it), `drift`, `outliers`, `limits`, `no_limits` (why there are none although golden sessions were named, else empty),
-        `beyond_limits`, `troubles`; and `values`, the columns behind them, with `sigma`, their standard deviations, and `answers`, the verdict,
+        `beyond_limits`, `troubles`, `motors` (result and reasons of each, `motors.each_motor`), `alike` (sessions with the same serial number, and
+        with the same data), `undated` (number of sessions without a date of measurement), `testable` (axes along which enough sessions lie for a
+        drift to be significant); and `values`, the columns behind them, with `sigma`, their standard deviations, and `answers`, the verdict,
         effects and confidence of each session that was diagnosed.
 
     Raises
@@ -76,7 +80,15 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
     undetermined: dict[str, list[str]] = defaultdict(list)
     troubles: list[JsonDict] = []
     answers: dict[str, JsonDict] = {}
+    names: list[str] = []
+    serials: dict[str, str] = {}
+    same: dict[str, list[str]] = defaultdict(list)
     for result in results:
+        names.append(result["session"])
+        if serial := str(result.get("serial") or ""):
+            serials[result["session"]] = serial
+        if result["status"] == "done":
+            same[_fingerprint(result["best"])].append(result["session"])
         if result["status"] != "done":
             troubles.append({"session": result["session"], "status": result["status"], "trouble": result["trouble"]})
             continue
@@ -97,14 +109,16 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
             undetermined[name].append(result["session"])
         values = {name: float(entry["value"]) for name, entry in best["parameters"].items() if entry["value"] > 0}
         sigma = {name: _relative_sigma(best["parameters"][name], value) for name, value in values.items()}
-        figures = {**values, "error": best["rms_error_percent"]}
-        rows.append(_Row(result["session"], _seconds(result["time"]), _number(result["serial"]), figures, {**sigma, "error": 0.0}))
-    units["error"] = "%"
+        figures = {**values, ERROR: best["rms_error_percent"]}
+        place = _seconds(result["time"]), _number(result["serial"])
+        rows.append(_Row(result["session"], *place, figures, {**sigma, ERROR: 0.0}, float(best.get("floor_percent", 0.0))))
+    units[ERROR] = "%"
     columns = _columns(rows)
     own = {row.session: row.sigma for row in rows}
     chosen = set() if golden is None else golden_sessions([*own, *(str(trouble["session"]) for trouble in troubles)], golden)
-    limits = _limits(columns, chosen)
-    return {
+    limits = limits_of(columns, chosen, tolerances or {})
+    floors = {row.session: row.floor for row in rows}
+    figures = {
         "schema": "motoremi.fleet/1",
         "counts": {"sessions": len(rows) + len(troubles), "in_the_figures": len(rows), "troubled": len(troubles)},
         "diagnosed": verdicts.total(),
@@ -114,49 +128,62 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None) -> Jso
         "parameters": {name: {"unit": units[name], **_distribution(column)} for name, column in columns.items()},
         "drift": _drift(rows, columns),
         "undetermined": dict(undetermined),
-        "outliers": _outliers(columns, own),
+        "testable": [axis for axis, places in _axes(rows).items() if len(set(places.values())) >= _least_for_drift(len(columns))],
+        "undated": sum(not np.isfinite(row.time) for row in rows),
+        "outliers": _outliers(columns, own, floors),
         "golden": golden,
         "limits": limits,
-        "no_limits": "" if golden is None or limits else _too_few(len(chosen), len(chosen & own.keys())),
-        "beyond_limits": _beyond(columns, limits, own),
+        "no_limits": "" if golden is None or limits else _too_few(len(chosen), len(chosen & own.keys()), 1 if tolerances else FEWEST),
+        "tolerances": dict(tolerances or {}),
+        "beyond_limits": beyond_limits(columns, limits, own, chosen, floors),
         "troubles": troubles,
         "values": {name: dict(column) for name, column in columns.items()},
         "sigma": {
-            name: {session: value * own[session][name] for session, value in column.items()} for name, column in columns.items() if name != "error"
+            name: {session: value * own[session][name] for session, value in column.items()} for name, column in columns.items() if name != ERROR
         },
         "answers": answers,
-        "times": {row.session: row.time for row in rows if np.isfinite(row.time)},
-        "serials": {row.session: row.serial for row in rows if np.isfinite(row.serial)},
+        "times": _axes(rows)["time"],
+        "numbers": _axes(rows)["serial"],
+        "serials": serials,
+        "alike": {"serial": _repeated(serials), "data": [sessions for sessions in same.values() if len(sessions) > 1]},
     }
+    return {**figures, "motors": each_motor(figures, names, chosen, serials)}
 
 
-def golden_sessions(sessions: Iterable[str], golden: str) -> set[str]:
-    """The sessions that a pattern matches.
-
-    Raises
-    ------
-    BadInput
-        If it matches none.
-    """
-    names = sorted(sessions)
-    found = {name for name in names if fnmatch.fnmatchcase(name, golden)}
-    if not found and names:
-        raise BadInput(
-            f"the pattern {golden!r} of golden sessions matches none of the {len(names)}, which have names such as {names[0]!r}: correct it"
-        )
-    return found
+def _fingerprint(best: JsonDict) -> str:
+    """The same for two sessions with the same data, and for no others: their fits agree to the last digit."""
+    return repr((best["rms_error_percent"], sorted((name, entry["value"]) for name, entry in best["parameters"].items())))
 
 
-def _too_few(named: int, used: int) -> str:
+def _repeated(serials: Mapping[str, str]) -> list[list[str]]:
+    """Sessions that have the same serial number."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for session, serial in serials.items():
+        found[serial].append(session)
+    return [sessions for sessions in found.values() if len(sessions) > 1]
+
+
+def _axes(rows: list[_Row]) -> dict[str, dict[str, float]]:
+    """The places of the sessions along time and serial number, where they are known."""
+    return {axis: {row.session: place for row in rows if np.isfinite(place := getattr(row, axis))} for axis in ("time", "serial")}
+
+
+def _least_for_drift(parameters: int) -> int:
+    """The smallest number of sessions for which a rank test can find a drift: n in perfect order have a probability of 2 / n!."""
+    return next(n for n in range(FEWEST, 20) if 2 / math.factorial(n) * 2 * parameters < DRIFT_P)
+
+
+def _too_few(named: int, used: int, least: int) -> str:
     """Why there are no limits."""
-    gave = f"{used} of the {named} golden motors gave a result" if used < named else f"there are {used} golden motors"
-    return f"{gave}, and at least {FEWEST} are needed"
+    there = "there is 1 golden motor" if used == 1 else f"there are {used} golden motors"
+    gave = f"{used} of the {named} golden motors gave a result" if used < named else there
+    return f"{gave}, and at least {least} {'is' if least == 1 else 'are'} needed"
 
 
 def _columns(rows: list[_Row]) -> dict[str, dict[str, float]]:
     """Session -> value of each parameter; the motor's own first."""
     columns: dict[str, dict[str, float]] = defaultdict(dict)
-    for name in (*(parameter.name for parameter in BASE_PARAMETERS), "error"):
+    for name in (*(parameter.name for parameter in BASE_PARAMETERS), ERROR):
         columns[name] = {}
     for row in rows:
         for name, value in row.values.items():
@@ -186,9 +213,9 @@ def _robust_sigma(values: FloatArray) -> float:
 def _drift(rows: list[_Row], columns: dict[str, dict[str, float]]) -> list[JsonDict]:
     """Parameters that depend on time or serial number: Theil-Sen slope, Kendall's tau, p corrected for the number of tests (Holm)."""
     found: list[JsonDict] = []
-    for axis, places in (("time", {row.session: row.time for row in rows}), ("serial", {row.session: row.serial for row in rows})):
+    for axis, places in _axes(rows).items():
         for name, column in columns.items():
-            pairs = [(places[session], value) for session, value in column.items() if np.isfinite(places[session])]
+            pairs = [(places[session], value) for session, value in column.items() if session in places]
             if len(pairs) < FEWEST or len({x for x, _ in pairs}) < 3:
                 continue
             x, y = np.array(pairs).T
@@ -209,8 +236,11 @@ def _drift(rows: list[_Row], columns: dict[str, dict[str, float]]) -> list[JsonD
     return significant
 
 
-def _outliers(columns: dict[str, dict[str, float]], own: dict[str, dict[str, float]]) -> list[JsonDict]:
-    """Sessions far from the rest, the farthest first; a value that is known less well may be farther away."""
+def _outliers(columns: dict[str, dict[str, float]], own: dict[str, dict[str, float]], floors: dict[str, float]) -> list[JsonDict]:
+    """Sessions far from the rest, the farthest first; a value that is known less well may be farther away.
+
+    An error is none if it is small, or no larger than noise and analyser would leave.
+    """
     found = []
     for name, column in columns.items():
         logs = np.log(np.array(list(column.values())))
@@ -219,48 +249,9 @@ def _outliers(columns: dict[str, dict[str, float]], own: dict[str, dict[str, flo
             continue
         distance = (logs - np.median(logs)) / np.hypot(sigma, [own[session][name] for session in column])
         for session, value, far in zip(column, column.values(), distance.tolist(), strict=True):
-            if abs(far) > OUTLIER:
+            if abs(far) > OUTLIER and (name != ERROR or (far > 0 and value > floors[session])):
                 found.append({"session": session, "parameter": name, "value": value, "distance": far})
     return sorted(found, key=lambda entry: -abs(entry["distance"]))
-
-
-def _limits(columns: dict[str, dict[str, float]], golden: set[str]) -> dict[str, JsonDict]:
-    """Tolerance interval of each parameter over the golden motors, in its logarithm."""
-    limits: dict[str, JsonDict] = {}
-    for name, column in columns.items():
-        logs = np.log(np.array([value for session, value in column.items() if session in golden]))
-        if len(logs) < FEWEST:
-            continue
-        factor = tolerance_factor(len(logs))
-        middle, spread = float(logs.mean()), float(logs.std(ddof=1))
-        limits[name] = {
-            "n": len(logs),
-            "factor": factor,
-            "low": float(np.exp(middle - factor * spread)),
-            "high": float(np.exp(middle + factor * spread)),
-        }
-    return limits
-
-
-def tolerance_factor(count: int) -> float:
-    """Howe's factor of the two-sided normal tolerance interval for 95 % content with 95 % confidence."""
-    z = stats.norm.ppf((1 + CONTENT) / 2)
-    chi2 = stats.chi2.ppf(1 - CONFIDENCE, count - 1)
-    return float(z * np.sqrt((count - 1) * (1 + 1 / count) / chi2))
-
-
-def _beyond(columns: dict[str, dict[str, float]], limits: dict[str, JsonDict], own: dict[str, dict[str, float]]) -> list[JsonDict]:
-    """Values outside the limits, which are wider for a value that is known less well."""
-    found = []
-    for name, limit in limits.items():
-        half = 0.5 * np.log(limit["high"] / limit["low"])
-        for session, value in columns[name].items():
-            # The spread of the golden motors together with the value's own uncertainty, as often as the limits contain that spread.
-            farther = float(np.hypot(half, limit["factor"] * own[session][name]) - half)
-            # The fit's error has no lower limit.
-            if value > limit["high"] * np.exp(farther) or (value < limit["low"] * np.exp(-farther) and name != "error"):
-                found.append({"session": session, "parameter": name, "value": value, "low": limit["low"], "high": limit["high"]})
-    return found
 
 
 def _seconds(time: str) -> float:

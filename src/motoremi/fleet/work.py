@@ -23,8 +23,12 @@ from motoremi.inspection.compare import compare
 from motoremi.model.effects import catalogue_sha256
 from motoremi.model.motor import dc_motor
 from motoremi.report.html import render_html
+from motoremi.report.identity import measured_times
 from motoremi.report.model import Materials, build_report
 from motoremi.workflow import measurement_of
+
+# Form of a result; a stored result of another form is computed again.
+FORM = 2
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,7 @@ class Job:
 
     def key(self) -> str:
         """Digest of measured data, settings and version: a result with the same key need not be computed again."""
-        digest = hashlib.sha256(f"{__version__} {catalogue_sha256()} {self.diagnose} {self.seed} {bool(self.reports)}".encode())
+        digest = hashlib.sha256(f"{__version__} {FORM} {catalogue_sha256()} {self.diagnose} {self.seed} {bool(self.reports)}".encode())
         digest.update(_measured(Path(self.folder) / self.session / SESSION))
         return digest.hexdigest()
 
@@ -89,7 +93,7 @@ def work(job: Job) -> JsonDict:
         measurement = measurement_of(session)
         # The axes over which drift is plotted; not a part of the key.
         result |= {
-            "time": str(session.start.get("time", "")),
+            "time": min(measured_times(session), default=""),
             "serial": serial_of(session.start, job.session),
             "analyser": measurement.analyser.name,
         }
@@ -150,7 +154,6 @@ def serial_of(start: JsonDict, session: str) -> str:
         if start.get(key):
             return clean_text(str(start[key]), 80)
     for text in (str(start.get("motor") or ""), session):
-        number = re.search(r"(\d+)\D*$", text)
-        if number:
-            return number.group(1)
+        if number := re.search(r"\d+$", text):
+            return number.group()
     return ""

@@ -80,11 +80,17 @@ def measured_documents(session: Session) -> list[tuple[JsonDict, ImpedanceSweep 
 
 def measured_when(session: Session) -> str:
     """The dates of the measurement: those of the run, or for imported data those stated in the files."""
+    times = measured_times(session)
     if imported_files(session):
-        days = [day for item in measured_items(session) if (day := measured_on(item.metadata))]
-        return _span(days) if days else "date not stated in the files"
-    times = [str(d.get("time", ""))[:16].replace("T", " ") for d in session.used_documents if d["kind"] in MEASURED]
+        return _span(times) if times else "date not stated in the files"
     return f"{_span(times)} UTC" if times else "nothing"
+
+
+def measured_times(session: Session) -> list[str]:
+    """When each sweep and spectrum was measured: in UTC in a run; as the files state it, for imported data."""
+    if imported_files(session):
+        return [day for item in measured_items(session) if (day := measured_on(item.metadata))]
+    return [str(d.get("time", ""))[:16].replace("T", " ") for d in session.used_documents if d["kind"] in MEASURED]
 
 
 def _span(times: list[str]) -> str:

@@ -1,0 +1,64 @@
+"""The result for each motor of a fleet: within the limits or not, and why."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from typing import Literal
+
+from motoremi.arrays import JsonDict
+from motoremi.quantities import show
+
+Outcome = Literal["beyond limits", "no result", "data in doubt", "not judged", "within limits", "golden"]
+# The order in which motors are listed.
+OUTCOMES: tuple[Outcome, ...] = ("beyond limits", "no result", "data in doubt", "not judged", "within limits", "golden")
+
+
+def each_motor(figures: JsonDict, sessions: Sequence[str], golden: Collection[str], serials: Mapping[str, str]) -> list[JsonDict]:
+    """Result and reasons for each session, the worst first.
+
+    Parameters
+    ----------
+    figures : dict
+        Of `fleet_figures`, as far as it is known.
+    sessions : sequence of str
+        All of them.
+    golden : collection of str
+        Sessions of motors that are known to be good.
+    serials : mapping
+        Serial number by session, where it is known.
+
+    Returns
+    -------
+    list of dict
+        `session`, `serial`, `result` and `reasons`. A value beyond the limits counts before doubts about the data.
+    """
+    beyond: dict[str, list[str]] = defaultdict(list)
+    for entry in figures["beyond_limits"]:
+        unit = figures["parameters"][entry["parameter"]]["unit"]
+        value, low, high = (show(entry[key], unit) for key in ("value", "low", "high"))
+        beyond[entry["session"]].append(f"{entry['parameter']} {value}, limits {low} - {high} ({entry['deviation_percent']:+.3g} % from golden)")
+    doubts: dict[str, list[str]] = defaultdict(list)
+    for identifier, sessions in figures["findings"].items():
+        for session in sessions:
+            doubts[session].append(identifier)
+    troubles = {trouble["session"]: str(trouble["trouble"]) for trouble in figures["troubles"]}
+    missing = {name: sessions for name, sessions in figures["undetermined"].items() if name in figures["limits"]}
+    motors = []
+    for session in sessions:
+        unknown = [name for name, sessions in missing.items() if session in sessions]
+        reasons = [*beyond[session], *doubts[session], *(f"{name} is not determined" for name in unknown)]
+        result: Outcome
+        if session in troubles:
+            result, reasons = "no result", [troubles[session]]
+        elif beyond[session]:
+            result = "beyond limits"
+        elif session in golden:
+            result = "golden"
+        elif doubts[session]:
+            result = "data in doubt"
+        else:
+            result = "within limits" if figures["limits"] and not unknown else "not judged"
+        motors.append({"session": session, "serial": serials.get(session, ""), "result": result, "reasons": reasons})
+    order = {entry["session"]: number for number, entry in reversed(list(enumerate(figures["beyond_limits"])))}
+    return sorted(motors, key=lambda one: (OUTCOMES.index(one["result"]), order.get(one["session"], 0)))
