@@ -38,6 +38,13 @@ def table(*titles: str) -> Table:
         ("Z' (Ohm)", "resistance", 1.0),
         ("Im{Z}/mOhm", "reactance", 1e-3),
         ("-Im(Z) [Ohm]", "reactance", -1.0),
+        # Exports of a Bode 100, of Analog Discovery and of LCR meters.
+        ("TR2: Impedance (Real) [Ohm]", "resistance", 1.0),
+        ("TR1: Impedance (absolut) [Ohm]", "magnitude", 1.0),
+        ("TR2: Impedance (Ls) [H]", "series_inductance", 1.0),
+        ("Impedance: Rs (Ω)", "series_resistance", 1.0),
+        ("Impedance: Xs (kΩ)", "reactance", 1e3),
+        ("Trace th (deg)", "phase", 1.0),
         ("-(Im Z) [Ohm]", "reactance", -1.0),
         ("−Z'' (kOhm)", "reactance", -1e3),
         ("|Z| in kOhm", "magnitude", 1e3),
@@ -181,3 +188,24 @@ def test_titles_that_are_not_understood_are_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("Frequency (MHz),|Z| (Ohm),Wobble (deg)\n0.15,3,90\n1,20,90\n30,600,90\n")
     with pytest.raises(BadInput, match=r"not understood: 'Wobble \(deg\)'"):
         read_impedance(tmp_path / "a.csv", "short")
+
+
+def test_names_between_dots_above_rows_with_semicolons(tmp_path: Path) -> None:
+    """As Solartron SMaRT exports them; one of its files has a comma among the dots."""
+    names = (
+        "Result Number,Sweep Number.Time.Frequency (Hz).Set Point ('C).Impedance Magnitude (Ohms).Impedance Real (Ohms).Impedance Imaginary (Ohms)"
+    )
+    rows = [f"{n};1;00:00:0{n};{10 ** (n + 1)};-;{abs(3 + 4j * n)};3;{4 * n};" for n in range(1, 9)]
+    (tmp_path / "smart.csv").write_text("\n".join(["Exported SMaRT Impedance Data", "", names, *rows, ""]))
+    sweep = read_impedance(tmp_path / "smart.csv", "short")
+    assert sweep.frequency_hz.tolist() == [10.0 ** (n + 1) for n in range(1, 9)]
+    assert sweep.impedance_ohm.tolist() == [3 + 4j * n for n in range(1, 9)]
+
+
+def test_sweeps_below_each_other_are_not_to_be_sorted_into_one(tmp_path: Path) -> None:
+    rows = [f"{f},3,{f / 1e4}" for f in (1e3, 2e3, 3e3, 4e3, 5e3, 6e3)]
+    (tmp_path / "three.csv").write_text("\n".join(["frequency_hz,resistance_ohm,reactance_ohm", *rows, *rows, *rows, ""]))
+    with pytest.raises(
+        BadInput, match=r"line 8: frequencies must increase, but begin again at 1000 Hz: 3 sweeps stand below each other; save each"
+    ):
+        read_impedance(tmp_path / "three.csv", "short")

@@ -23,8 +23,8 @@ _SEPARATORS = re.compile(f"[{_BETWEEN}]+")
 # An E4990A marks its data traces with `-data`, and the memory traces that it keeps for comparison with `-mem`.
 _TRACE_MARK = re.compile(r"[\s_\-]*\bdata$|_data$", re.IGNORECASE)
 _MEMORY = re.compile(r"-mem\s*$", re.IGNORECASE)
-# WaveForms and Bode Analyzer Suite begin titles with `Trace` and its number, Keysight analysers with its letter.
-_TRACE_NUMBER = re.compile(r"^Trace(?:\s*[0-9]+|\s+[A-D](?=[\s:]))?\s*(?::|\s)\s*", re.IGNORECASE)
+# WaveForms and Bode Analyzer Suite begin titles with `Trace` or `TR` and its number, Keysight analysers with its letter.
+_TRACE_NUMBER = re.compile(r"^(?:Trace(?:\s*[0-9]+|\s+[A-D](?=[\s:]))?\s*(?::|\s)|TR[0-9]\s*:)\s*", re.IGNORECASE)
 # The two parameters of an LCR meter, and a trace of a ZNB such as `re:Trc1_S11` or `re:Trc1_Z<-S11`.
 _PLACE = re.compile(r"^(?:Primary|Secondary)\s+(?=\S)", re.IGNORECASE)
 _ZNB_TRACE = re.compile(r"^(re|im|mag|db|ang)\s*:\s*Trc[0-9]+_([^<\s]+)(?:<-S11)?", re.IGNORECASE)
@@ -68,7 +68,7 @@ def _part(symbols: str | Sequence[str], *words: str) -> tuple[str, ...]:
 
 _REAL = ("re", "real", "real_part", "realteil", "reelle", "reale")
 _IMAGINARY = ("im", "imag", "imaginary", "imaginary_part", "imaginarteil", "imaginaire", "imaginaria", "immaginaria")
-_MAGNITUDE = ("abs", "mag", "magnitude", "modulus", "betrag", "module", "modulo")
+_MAGNITUDE = ("abs", "absolute", "absolut", "mag", "magnitude", "modulus", "betrag", "module", "modulo")
 _PHASE = ("phase", "theta", "arg", "angle", "phi", "fase", "phasenwinkel")
 _IMPEDANCE = ("impedance", "impedanz", "scheinwiderstand", "impedancia", "impedenza")
 _RESISTANCE = ("resistance", "resistanz", "wirkwiderstand", "resistencia", "resistenza")
@@ -83,20 +83,20 @@ _REFLECTIONS = {"reflection_db", "return_loss", "reflection_magnitude"}
 _QUANTITIES = (
     _Quantity("frequency", HERTZ, _FREQUENCY),
     _Quantity("resistance", OHM, (*_RESISTANCE, "r", *_REAL, "z'", *_part(_Z, *_REAL))),
-    _Quantity("reactance", OHM, (*_REACTANCE, "x", "xs", *_IMAGINARY, "z''", *_part(_Z, *_IMAGINARY))),
-    _Quantity("magnitude", OHM, (*_Z, "|z|", "zmod", *_MAGNITUDE[1:], *_part(_Z, *_MAGNITUDE))),
+    _Quantity("reactance", OHM, (*_REACTANCE, "x", "xs", *_IMAGINARY, "z''", *_part(_Z, "xs", *_IMAGINARY))),
+    _Quantity("magnitude", OHM, (*_Z, "|z|", "zmod", *(name for name in _MAGNITUDE if not name.startswith("abs")), *_part(_Z, *_MAGNITUDE))),
     # Some LCR meters write the unit behind the symbol, `θr` and `θd`.
-    _Quantity("phase", ANGLE, (*_PHASE, "ph", "phase_angle", "thetar", "thetad", "zphz", *_part(_Z, *_PHASE))),
+    _Quantity("phase", ANGLE, (*_PHASE, "ph", "th", "phase_angle", "thetar", "thetad", "zphz", *_part(_Z, *_PHASE))),
     _Quantity("conductance", SIEMENS, ("conductance", "g", "gp", *_part(_Y, *_REAL))),
     _Quantity("susceptance", SIEMENS, ("susceptance", "b", "bp", *_part(_Y, *_IMAGINARY))),
     _Quantity("admittance", SIEMENS, (*_Y, "|y|", *_part(_Y, *_MAGNITUDE))),
     _Quantity("admittance_phase", ANGLE, _part(_Y, *_PHASE)),
-    _Quantity("series_inductance", HENRY, ("ls", "series_inductance")),
-    _Quantity("parallel_inductance", HENRY, ("lp", "parallel_inductance")),
-    _Quantity("series_capacitance", FARAD, ("cs", "series_capacitance")),
-    _Quantity("parallel_capacitance", FARAD, ("cp", "parallel_capacitance")),
-    _Quantity("series_resistance", OHM, ("rs", "esr", "series_resistance")),
-    _Quantity("parallel_resistance", OHM, ("rp", "parallel_resistance")),
+    _Quantity("series_inductance", HENRY, ("ls", "series_inductance", *_part(_Z, "ls"))),
+    _Quantity("parallel_inductance", HENRY, ("lp", "parallel_inductance", *_part(_Z, "lp"))),
+    _Quantity("series_capacitance", FARAD, ("cs", "series_capacitance", *_part(_Z, "cs"))),
+    _Quantity("parallel_capacitance", FARAD, ("cp", "parallel_capacitance", *_part(_Z, "cp"))),
+    _Quantity("series_resistance", OHM, ("rs", "esr", "series_resistance", *_part(_Z, "rs"))),
+    _Quantity("parallel_resistance", OHM, ("rp", "parallel_resistance", *_part(_Z, "rp"))),
     _Quantity("dissipation_factor", NUMBER, ("d", "dissipation_factor", "tan_delta")),
     _Quantity("quality_factor", NUMBER, ("q", "quality_factor")),
     _Quantity("s11", NUMBER, ("s11",)),

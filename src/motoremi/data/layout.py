@@ -111,6 +111,8 @@ def column_names(head: Head, where: str, example: str = IMPEDANCE_EXAMPLE) -> Na
     *above, named = [None, *(comment for comment in head.comments if comment.text), *head.texts]
     if named is None:
         raise BadInput(f"{where}: numbers where the column names are needed; {advice}")
+    if head.texts and (dotted := _between_dots(named.text, row)) is not None:
+        return dotted
     separator = _separator(named.text if head.texts else row)
     of_row = separator if separator in row else BLANK
     count = len(cells_of(row, of_row))
@@ -127,6 +129,16 @@ def column_names(head: Head, where: str, example: str = IMPEDANCE_EXAMPLE) -> Na
     if unlike or count - len(titles) > _empty_at_end(row, of_row):
         raise BadInput(f"{where}: {_wrong_number(row, of_row, count, titles, named, advice)}")
     return Names(tuple(titles), of_row)
+
+
+def _between_dots(names: str, row: str) -> Names | None:
+    """Names with dots between them above rows with another separator, as Solartron SMaRT exports them; None if they are as many only otherwise."""
+    separator = _separator(row)
+    if separator == BLANK or separator in names:
+        return None
+    titles = [title.strip() for title in re.split("[.,]", names)]
+    cells = cells_of(row, separator)
+    return Names(tuple(titles), separator) if len(titles) == len(cells) - _empty_at_end(row, separator) > 2 else None
 
 
 def _advice(example: str, row: str) -> str:

@@ -102,6 +102,12 @@ def refuse_between_ports(header: Mapping[str, Any], name: str) -> None:
 def rising_frequency(table: Table, column: Column) -> FloatArray:
     """The frequencies of a table in hertz; the first row of a lower one than before it is refused with its line."""
     frequency = column_values(table, column)
-    for row in np.flatnonzero(np.diff(frequency) < 0)[:1]:
+    falls = np.flatnonzero(np.diff(frequency) < 0)
+    if falls.size and np.all(frequency[falls + 1] == frequency[0]):
+        raise BadInput(
+            f"{table.where(int(falls[0]) + 1)}: frequencies must increase, but begin again at {frequency[0]:.12g} Hz: {falls.size + 1} sweeps stand "
+            "below each other; save each in a file of its own, and give all of them as repeats"
+        )
+    for row in falls[:1]:
         check_order(frequency[row + 1], frequency[row], table.where(int(row) + 1))
     return frequency
