@@ -105,8 +105,8 @@ def rising_frequency(table: Table, column: Column) -> FloatArray:
     falls = np.flatnonzero(np.diff(frequency) < 0)
     if falls.size and np.all(frequency[falls + 1] == frequency[0]):
         raise BadInput(
-            f"{table.where(int(falls[0]) + 1)}: frequencies must increase, but begin again at {frequency[0]:.12g} Hz: {falls.size + 1} sweeps stand "
-            "below each other; save each in a file of its own, and give all of them as repeats"
+            f"{table.where(int(falls[0]) + 1)}: frequencies must increase, but begin again at {frequency[0]:.12g} Hz: "
+            f"{falls.size + 1} sweeps stand below each other; save each in a file of its own, and give all of them as repeats"
         )
     for row in falls[:1]:
         check_order(frequency[row + 1], frequency[row], table.where(int(row) + 1))
