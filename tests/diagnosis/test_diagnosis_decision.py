@@ -103,6 +103,75 @@ def test_of_laws_that_do_as_well_the_one_with_usual_values_is_named_with_its_fam
     assert judgement.accepted
 
 
+@pytest.mark.parametrize(
+    ("third", "left_percent", "named"),
+    [
+        ("skin-effect", 0.11, ("shorted-turn", "far-end-tie")),
+        # A part at another place, a pair that leaves more than a fiftieth, one that errs far more than noise and specification would leave.
+        ("terminal-capacitance", 0.11, ("shorted-turn", "far-end-tie", "terminal-capacitance")),
+        ("skin-effect", 0.4, ("shorted-turn", "far-end-tie", "skin-effect")),
+        ("skin-effect", 0.0, ("shorted-turn", "far-end-tie", "skin-effect")),
+    ],
+)
+def test_a_third_effect_that_only_corrects_a_loss_is_not_named(third, left_percent, named):
+    """A turn of thick wire: its resistance rises with frequency, as that of the catalogue's turn does not, and skin effect describes the rest."""
+    three = model(("shorted-turn", "far-end-tie", third), 4230.0, 0.15, 0.0, analyser_sigma=1.5)
+    three.fit.marginal.nothing_left, three.fit.explained, three.leaves_nothing, three.done = 1.0, True, True, True
+    pair = model(("shorted-turn", "far-end-tie"), 3950.0, 0.114 if left_percent else 2.5, left_percent or 0.11, analyser_sigma=9.1)
+    found = of(
+        model((), 0.0, 13.9, 13.8, analyser_sigma=30.0),
+        model(("far-end-tie",), 1460.0, 2.24, 2.23, analyser_sigma=21.0),
+        model(("shorted-turn",), 730.0, 13.7, 13.6, analyser_sigma=19.0),
+        pair,
+        three,
+    )
+    for one in found.values():
+        one.fit.measurement.analyser.named = True
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == (named, True)
+    assert [one.added for one in judgement.aside.values()] == ([three.added] if len(named) == 2 else [])
+
+
+def test_two_losses_in_place_of_one_are_not_named():
+    """A cage as a ladder and a leak: a shorted turn and a proximity effect together have nearly its law."""
+    three = model(("proximity-effect", "insulation-leakage@Cf", "shorted-turn"), 10041.0, 0.14, 0.0, analyser_sigma=1.4)
+    three.fit.marginal.nothing_left, three.fit.explained, three.leaves_nothing, three.done = 1.0, True, True, True
+    found = of(
+        model((), 5776.0, 16.8, 16.7, analyser_sigma=0.4),
+        model(("insulation-leakage@Cf",), 5950.0, 15.4, 15.4),
+        model(("rotor-cage",), 7710.0, 5.7, 5.5),
+        model(("rotor-cage", "insulation-leakage@Cf"), 9662.0, 0.22, 0.21, analyser_sigma=19.9),
+        model(("insulation-leakage@Cf", "proximity-effect"), 7000.0, 8.0, 7.9),
+        three,
+    )
+    for one in found.values():
+        one.fit.measurement.analyser.named = True
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == (("rotor-cage", "insulation-leakage@Cf"), True)
+
+
+def test_a_second_effect_that_only_corrects_a_loss_is_not_named():
+    """An insulation by Jonscher's law, whose loss angle is not quite constant."""
+    loss, relaxation = ("dielectric-loss@Ca",), ("dielectric-loss@Ca", "dielectric-relaxation@Ca")
+    both = model(relaxation, 5000.0, 0.25, 0.0)
+    both.fit.marginal.nothing_left, both.fit.explained, both.leaves_nothing, both.done = 1.0, True, True, True
+    found = of(model((), 0.0, 18.1, 18.1, analyser_sigma=30.0), model(loss, 4700.0, 0.4, 0.2, analyser_sigma=8.0), both)
+    for one in found.values():
+        one.fit.measurement.analyser.named = True
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == (loss, True)
+
+
+@pytest.mark.parametrize(("errors_percent", "hardly"), [((83.0, 75.0), True), ((83.0, 40.0), False), ((300.0, 75.0), False)])
+def test_a_circuit_that_still_misses_by_most_is_hardly_closer(errors_percent, hardly):
+    before, after = errors_percent
+    found = of(model((), 0.0, before, before), model(("terminal-capacitance",), 500.0, after, 0.1))
+    found[("terminal-capacitance",)].fit.marginal.nothing_left = 1.0
+    judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.named
+    assert judgement.hardly_closer is hardly
+
+
 def test_three_effects_that_are_not_accepted_do_not_take_the_place_of_two_that_are(healthy):
     """Bearing film and laminations, between whose laws and the motor's a third effect makes a small difference beside any of the alike pairs."""
     found = of(

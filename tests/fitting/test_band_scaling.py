@@ -8,6 +8,7 @@ from conftest import FREQUENCY_HZ, simulated_sweeps
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
+from motoremi.diagnosis.whole_machine import added_near
 from motoremi.fitting.band_scaling import bands, scaled_ranges, scaled_starts
 from motoremi.model.effects import catalogue, find_effect
 from motoremi.simulate.simulated_motor import SimulatedMotor
@@ -81,3 +82,14 @@ def test_a_motor_a_hundred_times_slower_is_described_as_well(effect):
     found = me.fit(me.dc_motor(), sweeps, analyser="none").add(effect)
     assert found.chi2_reduced == pytest.approx(1.0, abs=0.25)
     assert found.rms_error_percent < 1.3 * found.floor_percent
+
+
+def test_effects_added_together_have_the_ranges_of_each_alone():
+    """A contact of kilohms at an input of megohms was found by a diagnosis and held at 100 Ohm when it was added."""
+    fit = me.fit(me.dc_motor(), scaled(simulated_sweeps(3, repeats=1)[0], 1e-3, 100.0))
+    names = ("brush-contact", "terminal-capacitance", "skin-effect")
+    together = added_near(fit, names, {})[-1].bounds
+    for name in names:
+        alone = scaled_ranges(find_effect(name).effect, name, fit.measurement)
+        assert alone
+        assert alone.items() <= together.items()

@@ -94,6 +94,16 @@ def test_an_error_that_range_switches_of_a_good_analyser_may_leave_disproves_not
     assert any("range switches" in reason for reason in check.reasons) == (not disproved)
 
 
+@pytest.mark.parametrize(
+    ("analyser", "accuracy", "least", "most"), [("4294a", None, 0.08, 0.08), ("nanovna", None, 0.1, 1.0), ("4294a", "2", 2.0, 2.0)]
+)
+def test_what_an_analyser_may_err_by_says_how_large_an_error_shows_anything(analyser, accuracy, least, most):
+    """A wound core on a NanoVNA: 0.13 %, where it may err by 5 %, were told as data that no fixed circuit describes."""
+    more = {} if accuracy is None else {"accuracy_percent": accuracy}
+    sweeps = [one.with_metadata(analyser=analyser, **more) for one in simulated_sweeps(1)[0]]
+    assert least <= checked(sweeps).models["short"].accuracy_percent <= most
+
+
 def test_a_point_that_does_not_raise_the_error_above_the_noise_is_told_and_disproves_nothing():
     """A station in the sweep of a motor with a choke whose law is not the catalogue's: an analyser beyond its specification describes the rest."""
     model = checked(simulated_sweeps(1)[0]).models["short"]

@@ -581,6 +581,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("hardly matters")
     if named and judgement.beyond_specification:
         kinds.append("names beyond the specification")
+    if named and judgement.hardly_closer:
+        kinds.append("names with which the circuit errs by much")
     if named and _correlated(findings) is not None:
         kinds.append("names, neighbouring points correlated")
     if named and any(finding.id == "not-as-declared" for finding in findings):
@@ -691,9 +693,11 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
     relieving = [one for one in judgement.aside.values() if one.fit.analyser_sigma < best.analyser_sigma]
     if relieving:
         further = best_of(relieving)
+        gone = what_is_more(named, further.added)
         said.append(
-            f"with {what_is_more(further.added, named)} as well the analyser would err by {further.fit.analyser_sigma / 3:.2g} times its "
-            f"specification, without it by {best.analyser_sigma / 3:.2g} times: these sweeps do not show whether that is missing too"
+            f"with {what_is_more(further.added, named)} {f'in place of {gone}' if gone else 'as well'} the analyser would err by "
+            f"{further.fit.analyser_sigma / 3:.2g} times its specification, without it by {best.analyser_sigma / 3:.2g} times: these sweeps do not "
+            "show whether that is missing too"
         )
     for family in families:
         said.append(f"these sweeps do not distinguish {', '.join(family[:-1])} and {family[-1]}")

@@ -55,6 +55,8 @@ BEYOND_SIGMA_OF_NETWORK = 12.0
 NEARLY_ALL = 0.1
 # The same of two effects: a law that leaves no more is as accurate as laws of real materials can be expected to be.
 NEXT_TO_ALL = 0.02
+# Families of effects that are losses of one element each.
+LOSSES = ("winding-loss", "insulation")
 # Circuits whose errors differ by less than this factor are about equally good.
 ALIKE = 2.0
 # Models so near the best in log score may be the best in another local minimum: a rotor cage gained 9, and a shorted turn 8, along a valley.
@@ -111,8 +113,9 @@ class Judgement:
         return best
 
     def _under(self, model: Candidate) -> Candidate | None:
-        """The most probable of the models with one effect fewer; None if none was found."""
+        """The most probable of the models with one effect fewer, or of those that it corrects; None if none was found."""
         fewer = [self.found[key] for key in combinations(sorted(model.added), len(model.added) - 1) if key in self.found]
+        fewer += [one for one in self.found.values() if self._corrects_a_loss(one, model)]
         return max(fewer, key=lambda one: one.score, default=None)
 
     def _needs_all(self, model: Candidate, under: Candidate) -> bool:
@@ -120,6 +123,8 @@ class Judgement:
 
         An error of the analyser beside a model that is within its specification is none: the errors that it allows have structure too.
         """
+        if self._corrects_laws(under, model):
+            return False
         further = tuple(Counter(model.added) - Counter(under.added))
         of_analyser = of_the_analyser_alone(further)
         shown = of_analyser and _errs_less_than_assumed(under, model)
@@ -131,13 +136,32 @@ class Judgement:
         # The sizes of the errors of an analyser without a name are estimated from these sweeps: what is left beside them is no further error of it.
         if not (of_analyser and _is_assumed(under.fit)):
             needed = needed or _leaves_less(under, model)
-        return needed and not self._corrects_laws(under, model)
+        return needed
 
     def _corrects_laws(self, under: Candidate, model: Candidate) -> bool:
         """Whether a model that describes enough is followed by one with more effects at its place: they describe that laws are approximate."""
         # An error beyond what noise and the specification of a named analyser leave is no matter of its law alone.
         closer = not _is_assumed(under.fit) and _comes_closer(under, model) and model.score - under.score > CLEAR_GAIN
-        return _enough(under) and self._at_one_place((*under.added, *model.added)) and not closer
+        at_its_place = _enough(under) and self._at_one_place((*under.added, *model.added)) and not closer
+        return at_its_place or self._corrects_a_loss(under, model)
+
+    def _corrects_a_loss(self, under: Candidate, model: Candidate) -> bool:
+        """Whether a further effect only corrects a loss of a smaller model: it is another loss of the same element, or two are in place of one.
+
+        A model that leaves next to nothing, and a tenth of what is left without that loss, is as accurate as laws of real materials can be expected
+        to be. A turn of thick wire, a cage as a ladder (each beside another effect) and an insulation by Jonscher's law left 0.1 to 0.2 % of 14 to
+        18 %: hardly more than the analyser may err by, but no error of its usual shape.
+        """
+        left = under.fit.unexplained_percent["value"]
+        slight = under.fit.rms_error_percent <= ALIKE * under.fit.floor_percent
+        next_to_all = slight and left <= NEXT_TO_ALL * self.base.unexplained_percent["value"]
+        further = Counter(model.added) - Counter(under.added)
+        replaced = Counter(under.added) - Counter(model.added)
+        if len(model.added) != len(under.added) + 1 or replaced.total() > 1 or under.unusual or not next_to_all:
+            return False
+        corrected = [loss for loss in (replaced or under.added) if all(_of_one_element(name, loss) for name in further)]
+        alone = [self.found.get(tuple(sorted((Counter(under.added) - Counter([loss])).elements()))) for loss in corrected]
+        return any(one is not None and left <= NEARLY_ALL * one.fit.unexplained_percent["value"] for one in alone)
 
     def _only_relieves_what_is_assumed(self, under: Candidate, model: Candidate) -> bool:
         """Whether a further effect takes the circuit further away, and only what is assumed of an analyser without a name becomes smaller.
@@ -152,8 +176,11 @@ class Judgement:
     def of_needed(self) -> Judgement:
         """The judgement among the sets of the most probable model's size and the larger ones of which every effect is needed."""
         best, size = self.best, len(self.best.added)
+        more = {key: one for key, one in self.found.items() if len(key) > size}
+        # What the correction of a loss describes needs no other effect, unless that is clearly more probable.
+        least = max((one.score + CLEAR_GAIN for one in more.values() if self._corrects_a_loss(best, one)), default=-np.inf)
         # Another set with more effects at the place of one that describes enough is no better than that one with a further effect.
-        under = {key: self._under(one) for key, one in self.found.items() if len(key) > size and not self._corrects_laws(best, one)}
+        under = {key: self._under(one) for key, one in more.items() if one.score > least and not self._corrects_laws(best, one)}
         larger = {key: self.found[key] for key, fewer in under.items() if fewer is not None and self._needs_all(self.found[key], fewer)}
         return self.among({**{key: one for key, one in self.found.items() if len(key) <= size}, **larger})
 
@@ -308,6 +335,12 @@ class Judgement:
         return analyser.named and self.model.fit.analyser_sigma > limit
 
     @property
+    def hardly_closer(self) -> bool:
+        """Whether the accepted model's circuit misses by more than half, and more than half as far as the base: analyser errors do the rest."""
+        error_percent = self.model.fit.rms_error_percent
+        return error_percent > max(100 * HALF, HALF * self.base.rms_error_percent)
+
+    @property
     def _nearly_all_described(self) -> bool:
         """Whether the accepted model describes all but a small share of what the base leaves."""
         return self.model.fit.unexplained_percent["value"] <= NEARLY_ALL * self.base.unexplained_percent["value"]
@@ -326,11 +359,11 @@ class Judgement:
 
         Pairs fit almost any curve, so they must leave nothing, or no more than specification or stated accuracy allow; or, with the analyser within
         its specification, at most 0.1 % or a tenth of what the base leaves; or a fiftieth of that, with a named analyser within twice its
-        specification or one without a name within what is assumed. Or `better_than_one`, whatever they leave. Three must leave nothing,
-        with the analyser within its specification. All with usual values.
+        specification or one without a name within what is assumed. Or `better_than_one`, whatever they leave, or if a third only corrects a
+        loss of them. Three must leave nothing, with the analyser within its specification. All with usual values.
         """
         fit = self.model.fit
-        if self.better_than_one:
+        if self.better_than_one or any(self._corrects_a_loss(self.model, one) for one in self.aside.values()):
             return True
         if len(self.model.added) > 2:
             return self.model.leaves_nothing and fit.analyser_sigma <= SPECIFIED_SIGMA and not self.distributed
@@ -573,6 +606,12 @@ def of_the_analyser_alone(effects: Sequence[str]) -> bool:
     return all(find_effect(name).effect.group == "instrument" for name in effects)
 
 
+def _of_one_element(one: str, other: str) -> bool:
+    """Whether two effects are losses of one element, of copper and core or of an insulation."""
+    first, second = find_effect(one), find_effect(other)
+    return first.effect.family == second.effect.family and first.effect.family in LOSSES and first.place == second.place
+
+
 def distributed(key: Key) -> bool:
     """Whether a set has two relaxations at one place."""
     return any(sum(name in at_one_place for name in key) > 1 for at_one_place in RELAXING)
@@ -742,7 +781,7 @@ def _needs(name: str) -> Needs:
 def _decided(base: Fit, found: Mapping[Key, Candidate], together: float, proven: bool) -> Judgement:
     """The decision by evidence, values and errors."""
     judgement = _believed(base, found, together, proven)
-    if len(judgement.belief.named) > 2 and not judgement.accepted:
+    if len(judgement.best.added) > 2 and not judgement.accepted:
         # Three effects that are not accepted say nothing about two.
         judgement = _believed(base, _without_threes(found), together, proven)
     if len(judgement.best.added) < len(judgement.belief.named):

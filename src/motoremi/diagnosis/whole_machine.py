@@ -15,6 +15,7 @@ import numpy as np
 from motoremi.arrays import Progress
 from motoremi.data.covariance import Sizes
 from motoremi.diagnosis.candidates import Candidate, Effects, candidate, possible_effects, prior_of_set
+from motoremi.fitting.band_scaling import scaled_ranges
 from motoremi.fitting.fit import on_all_points, trail_to
 from motoremi.fitting.race import ALL, Round, Rounds, Trail, race, raced_alone
 from motoremi.fitting.result import Fit
@@ -94,7 +95,7 @@ def _scattered(base: Fit, names: Effects) -> Trail:
         values = {name: value * float(np.exp(spread * rng.standard_normal())) for name, value in place.items()}
         added = [p for p in motor.parameters if p.name not in values and p.name not in base.held]
         starts.append({**values, **{p.name: _drawn(p, rng) for p in added}})
-    return Trail(Task(motor, base.measurement, base.bounds, base.held), starts, 1, base.sizes)
+    return Trail(_task(base, names), starts, 1, base.sizes)
 
 
 def _drawn(parameter: Parameter, rng: np.random.Generator) -> float:
@@ -213,4 +214,13 @@ def _names(base: Fit, trail: Trail) -> Effects:
 
 def _near(base: Fit, names: Effects, values: Mapping[str, float]) -> Trail:
     """These effects, from the values of a solution with more of them or others."""
-    return Trail(Task(add_effects(base.motor, names), base.measurement, base.bounds, base.held), [values], 1, NEARLY_ALL)
+    return Trail(_task(base, names), [values], 1, NEARLY_ALL)
+
+
+def _task(base: Fit, names: Effects) -> Task:
+    """A fit with these effects at once, in the ranges in which they are sought one by one."""
+    motor, wider = base.motor, dict[str, tuple[float, float]]()
+    for added in map(find_effect, names):
+        wider |= scaled_ranges(added.effect, added.label_in(motor), base.measurement)
+        motor = added.added_to(motor)
+    return Task(motor, base.measurement, {**wider, **base.bounds}, base.held)

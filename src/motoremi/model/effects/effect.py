@@ -100,7 +100,8 @@ class Effect:
         What a device has to have for it: a `winding` has wire and insulation, a `core` or `lossy insulation` (damp, or of lossy layers) only some
         have, and a further `part` (a choke, another winding, a loop, a fault of analyser or fixture) fewer.
     kin : str
-        Finer grouping than `group`, for tables. Which effects the *data* cannot distinguish is computed and does not depend on it.
+        Finer grouping than `group`, for tables, and for which effects are losses of one element. Which effects the *data* cannot distinguish is
+        computed and does not depend on it.
     """
 
     name: str
