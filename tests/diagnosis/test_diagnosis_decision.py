@@ -733,9 +733,11 @@ def test_of_a_winding_alone_what_is_commonest_is_named_first_in_its_family():
     judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
     assert judgement.named == ("permeability-relaxation",)
     assert judgement.families == {"permeability-relaxation": ("suppressor-choke",)}
+    assert judgement.commoner_than is models[1]
     for one in models:
         one.fit.measurement.terminations = ("short", "open")
-    assert decided(found[()].fit, found).named == ("suppressor-choke",)  # type: ignore[arg-type]
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.commoner_than) == (("suppressor-choke",), None)
 
 
 @pytest.mark.parametrize(("error_of_both", "named"), [(0.13, ("skin-effect", "dielectric-loss@Ca")), (0.3, ("permeability-relaxation",))])

@@ -66,6 +66,7 @@ from motoremi.investigation.next_measurement import next_measurement
 from motoremi.investigation.question import Question, next_question
 from motoremi.investigation.rivals import Rivals
 from motoremi.model.effects import find_effect
+from motoremi.model.effects.effect import Needs
 from motoremi.model.effects.names import as_sum, what_is_more
 from motoremi.progress import part
 from motoremi.quantities import percent, show, show_band
@@ -607,6 +608,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     return min(RELIABLE[kind] for kind in kinds) * (judgement.probability if named else 1.0)
 
 
+# What a device needs for an effect, in words.
+NEEDED: Mapping[Needs, str] = {"winding": "a winding", "core": "a core", "lossy insulation": "lossy insulation", "part": "such a further part"}
 # Causes of the verdict `instrument` that are no fault of analyser or fixture, by the effect that is named alone.
 _OF_THE_SETUP = {
     "temperature-drift": "the motor's temperature was not the same in both sweeps",
@@ -701,6 +704,9 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         )
     for family in families:
         said.append(f"these sweeps do not distinguish {', '.join(family[:-1])} and {family[-1]}")
+        if (likeliest := judgement.commoner_than) is not None:
+            needs = NEEDED[find_effect(likeliest.effect).effect.needs_a]
+            said.append(f"{likeliest.effect} is more probable of these; {family[0]} is named first because fewer devices have {needs}")
         rivals = judgement.instead_of(family[0])
         if changed := changed_elements(best, {name: rivals[name].fit for name in family[1:] if name in rivals}):
             said.append(f"the elements depend on which it is: {changed}")

@@ -264,6 +264,16 @@ class Judgement:
         return max((one for one in singles if one.fit.rms_error_percent <= most_percent), key=lambda one: one.score, default=None)
 
     @property
+    def commoner_than(self) -> Candidate | None:
+        """If one effect is named because it is commoner (`_commonest_first`): the most probable one of its family, if that is another."""
+        if len(self.named) != 1 or self.base.measurement.terminations != ("short",) or not self.families[self.named[0]]:
+            return None
+        rivals = self.instead_of(self.named[0])
+        likeliest = best_of([self.model, *(rivals[name] for name in self.families[self.named[0]])])
+        needs_more = COMMONEST_FIRST.index(_needs(likeliest.effect)) > COMMONEST_FIRST.index(_needs(self.named[0]))
+        return likeliest if needs_more else None
+
+    @property
     def describes_nearly_all(self) -> Candidate | None:
         """If two effects are named: the most probable single one with usual values that leaves next to nothing by itself.
 
