@@ -161,7 +161,8 @@ class Judgement:
             return False
         corrected = [loss for loss in (replaced or under.added) if all(_of_one_element(name, loss) for name in further)]
         alone = [self.found.get(tuple(sorted((Counter(under.added) - Counter([loss])).elements()))) for loss in corrected]
-        return any(one is not None and left <= NEARLY_ALL * one.fit.unexplained_percent["value"] for one in alone)
+        # What was not fitted on all points left much.
+        return any(one is None or left <= NEARLY_ALL * one.fit.unexplained_percent["value"] for one in alone)
 
     def _only_relieves_what_is_assumed(self, under: Candidate, model: Candidate) -> bool:
         """Whether a further effect takes the circuit further away, and only what is assumed of an analyser without a name becomes smaller.

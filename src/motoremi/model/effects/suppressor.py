@@ -51,7 +51,10 @@ EFFECTS = (
             "Z_across / (1 + Z_across / (esr_ohm + s * esl_h + (s / (2 * pi * 1e6))**(2 * atan(tan_delta) / pi) / (s * capacitance_f)))"
         ),
         parameters=(
-            Parameter("capacitance_f", "F", 0.4e-9, 10e-6, "1 nF to the frame, 10 nF - 1 uF across the terminals; a varistor is one of 0.5 - 5 nF"),
+            Parameter(
+                "capacitance_f", "F", 0.4e-9, 10e-6,
+                "1 nF to the frame, 10 nF - 1 uF across the terminals; a varistor is one of 0.5 - 5 nF", usual=(0.5e-9, 10e-6),
+            ),
             Parameter("esr_ohm", "Ohm", 1e-3, 300.0, "10 mOhm - 1 Ohm of capacitors, more of varistors; 10 - 200 Ohm in a snubber"),
             Parameter("esl_h", "H", 0.3e-9, 200e-9, "1 nH a chip, 1 nH a millimetre of wire"),
             Parameter(
