@@ -6,6 +6,7 @@ import dataclasses
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import motoremi as me
@@ -850,6 +851,33 @@ def test_a_pair_is_named_before_one_effect_that_is_worse_and_needs_larger_errors
     judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
     assert judgement.named == (pair if named else pair[:1])
     assert judgement.accepted
+
+
+@pytest.mark.parametrize(
+    ("left_percent", "error_percent", "unusual", "by_waves", "named"),
+    [
+        (0.79, 0.83, (), False, True),
+        # More than a hundredth, an error of the circuit that the analyser absorbs, values that no motor has, a network analyser.
+        (0.95, 0.96, (), False, False),
+        (0.79, 2.0, (), False, False),
+        (0.79, 0.83, ("distributed-winding.share",), False, False),
+        (0.79, 0.83, (), True, False),
+    ],
+)
+def test_a_pair_that_leaves_hardly_anything_is_named_if_nothing_else_is_accepted(left_percent, error_percent, unusual, by_waves, named):
+    """A winding of sixty sections behind 0.7 m of leads, whose laws are not quite the catalogue's; neither alone comes near."""
+    pair = ("distributed-winding", "lead-inductance")
+    found = by_a_named_analyser(
+        model((), 0.0, 88.3, 88.3, (), 40.0),
+        model(pair[:1], 3700.0, 71.0, 70.0, (), 35.0),
+        model(pair, 6700.0, error_percent, left_percent, unusual, 14.0),
+    )
+    for one in found.values():
+        one.fit.measurement.analyser.by_waves = by_waves
+    found[()].fit.measurement.floors = (np.full(3, 0.01),)
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.accepted, judgement.pair_is_better) == (named, named)
+    assert judgement.named == pair
 
 
 @pytest.mark.parametrize(("sigma", "named"), [(5.4, True), (7.0, False)])

@@ -386,6 +386,16 @@ def test_motors_that_are_there_twice_are_told():
     assert "golden/m003; line/copy: the same data" in page
 
 
+def test_frequencies_in_another_unit_than_those_of_most_motors_are_told():
+    results = [{**result, "span_hz": [20e3, 30e6]} for result in story(12)]
+    results[5]["span_hz"] = [20.0, 30e3]
+    results[6]["span_hz"] = [20e3, 10e6]
+    told = {one["session"]: one for one in fleet_figures(results)["motors"] if one["reasons"] and one["result"] != "no result"}
+    assert {session: (one["result"], one["reasons"]) for session, one in told.items()} == {
+        "golden/m005": ("data in doubt", ["swept over 20 Hz - 30 kHz, most motors over 20 kHz - 30 MHz"])
+    }
+
+
 def test_drift_is_not_denied_where_it_was_not_tested():
     """Three points of a life test cannot be significant in any order; data without a date have none."""
     three = fleet_figures(story(3))

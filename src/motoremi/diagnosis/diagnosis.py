@@ -580,7 +580,7 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         kinds.append("a strap as short as leads")
     if judgement.hardly_matters:
         kinds.append("hardly matters")
-    if named and judgement.beyond_specification:
+    if named and (judgement.beyond_specification or judgement.pair_is_better):
         kinds.append("names beyond the specification")
     if named and judgement.hardly_closer:
         kinds.append("names with which the circuit errs by much")

@@ -42,6 +42,8 @@ def each_motor(figures: JsonDict, sessions: Sequence[str], golden: Collection[st
     for identifier, sessions in figures["findings"].items():
         for session in sessions:
             doubts[session].append(identifier)
+    for session, text in figures["unlike"].items():
+        doubts[session].append(text)
     troubles = {trouble["session"]: str(trouble["trouble"]) for trouble in figures["troubles"]}
     missing = {name: sessions for name, sessions in figures["undetermined"].items() if name in figures["limits"]}
     motors = []

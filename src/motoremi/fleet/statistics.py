@@ -16,6 +16,7 @@ from motoremi.arrays import FloatArray, JsonDict
 from motoremi.fleet.limits import ERROR, FEWEST, beyond_limits, golden_sessions, limits_of
 from motoremi.fleet.motors import each_motor
 from motoremi.model.motor import BASE_PARAMETERS
+from motoremi.quantities import show_band
 from motoremi.report.words import findings_of, serious_of
 
 # Robust distance from the median, in standard deviations, beyond which a motor is an outlier: one in 15 000 of a normal distribution.
@@ -63,9 +64,9 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
         sessions), `parameters` (n, median, robust spread, quantiles), `undetermined` (sessions whose data do not determine a parameter, which are
         not compared by it), `drift`, `outliers`, `limits`, `no_limits` (why there are none although golden sessions were named, else empty),
         `beyond_limits`, `troubles`, `motors` (result and reasons of each, `motors.each_motor`), `alike` (sessions with the same serial number, and
-        with the same data), `undated` (number of sessions without a date of measurement), `testable` (axes along which enough sessions lie for a
-        drift to be significant); and `values`, the columns behind them, with `sigma`, their standard deviations, and `answers`, the verdict,
-        effects and confidence of each session that was diagnosed.
+        with the same data), `unlike` (by session, that its sweeps have quite another span than most), `undated` (number of sessions without a date
+        of measurement), `testable` (axes along which enough sessions lie for a drift to be significant); and `values`, the columns behind them, with
+        `sigma`, their standard deviations, and `answers`, the verdict, effects and confidence of each session that was diagnosed.
 
     Raises
     ------
@@ -83,12 +84,15 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
     names: list[str] = []
     serials: dict[str, str] = {}
     same: dict[str, list[str]] = defaultdict(list)
+    spans: dict[str, tuple[float, float]] = {}
     for result in results:
         names.append(result["session"])
         if serial := str(result.get("serial") or ""):
             serials[result["session"]] = serial
         if result["status"] == "done":
             same[_fingerprint(result["best"])].append(result["session"])
+            if "span_hz" in result:
+                spans[result["session"]] = tuple(result["span_hz"])
         if result["status"] != "done":
             troubles.append({"session": result["session"], "status": result["status"], "trouble": result["trouble"]})
             continue
@@ -145,6 +149,7 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
         "times": _axes(rows)["time"],
         "numbers": _axes(rows)["serial"],
         "serials": serials,
+        "unlike": _unlike(spans),
         "alike": {"serial": _repeated(serials), "data": [sessions for sessions in same.values() if len(sessions) > 1]},
     }
     return {**figures, "motors": each_motor(figures, names, chosen, serials)}
@@ -153,6 +158,16 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
 def _fingerprint(best: JsonDict) -> str:
     """The same for two sessions with the same data, and for no others: their fits agree to the last digit."""
     return repr((best["rms_error_percent"], sorted((name, entry["value"]) for name, entry in best["parameters"].items())))
+
+
+def _unlike(spans: Mapping[str, tuple[float, float]]) -> dict[str, str]:
+    """Sessions whose span has another order of magnitude than those of most, such as numbers in kHz that were read as Hz."""
+    if len(spans) < FEWEST:
+        return {}
+    usual = np.median(np.log10(list(spans.values())), axis=0)
+    other = {session: span for session, span in spans.items() if np.max(np.abs(np.log10(span) - usual)) > 1}
+    low, high = 10.0**usual
+    return {session: f"swept over {show_band(*span)}, most motors over {show_band(low, high)}" for session, span in other.items()}
 
 
 def _repeated(serials: Mapping[str, str]) -> list[list[str]]:

@@ -96,6 +96,10 @@ def work(job: Job) -> JsonDict:
             "time": min(measured_times(session), default=""),
             "serial": serial_of(session.start, job.session),
             "analyser": measurement.analyser.name,
+            "span_hz": [
+                min(float(one.frequency_hz[0]) for one in measurement.sweeps),
+                max(float(one.frequency_hz[-1]) for one in measurement.sweeps),
+            ],
         }
         base = fit(dc_motor(), measurement, seed=job.seed)
         result |= {"status": "done", "base": _figures(base)}
