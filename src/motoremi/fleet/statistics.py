@@ -64,9 +64,9 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
         sessions), `parameters` (n, median, robust spread, quantiles), `undetermined` (sessions whose data do not determine a parameter, which are
         not compared by it), `drift`, `outliers`, `limits`, `no_limits` (why there are none although golden sessions were named, else empty),
         `beyond_limits`, `troubles`, `motors` (result and reasons of each, `motors.each_motor`), `alike` (sessions with the same serial number, and
-        with the same data), `unlike` (by session, that its sweeps have quite another span than most), `undated` (number of sessions without a date
-        of measurement), `testable` (axes along which enough sessions lie for a drift to be significant); and `values`, the columns behind them, with
-        `sigma`, their standard deviations, and `answers`, the verdict, effects and confidence of each session that was diagnosed.
+        with the same data), `unlike` (by session, that its sweeps have quite another span than most), `undated` (number of sessions without a
+        date of measurement), `testable` (axes along which enough sessions lie for a drift to be significant); and `values`, the columns behind
+        them, with `sigma`, their standard deviations, and `answers`, the verdict, effects and confidence of each session that was diagnosed.
 
     Raises
     ------
