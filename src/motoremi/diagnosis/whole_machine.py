@@ -95,7 +95,7 @@ def _scattered(base: Fit, names: Effects) -> Trail:
         values = {name: value * float(np.exp(spread * rng.standard_normal())) for name, value in place.items()}
         added = [p for p in motor.parameters if p.name not in values and p.name not in base.held]
         starts.append({**values, **{p.name: _drawn(p, rng) for p in added}})
-    return Trail(_task(base, names), starts, 1, base.sizes)
+    return Trail(Task(motor, base.measurement, base.bounds, base.held), starts, 1, base.sizes)
 
 
 def _drawn(parameter: Parameter, rng: np.random.Generator) -> float:
@@ -145,8 +145,14 @@ def falling(base: Fit, steps: Sequence[Fit]) -> list[Fit]:
 
 
 def added_near(base: Fit, names: Effects, values: Mapping[str, float], each: Map = map) -> list[Fit]:
-    """Effects added in this order, as steps of one each, from the values that they have together."""
-    trails = [_near(base, names[: number + 1], values) for number in range(len(names))]
+    """Effects added in this order, as steps of one each, from the values that they have together, in the ranges in which each is sought alone."""
+    wider, motor = dict[str, tuple[float, float]](), base.motor
+    trails = []
+    for number, added in enumerate(map(find_effect, names), start=1):
+        wider |= scaled_ranges(added.effect, added.label_in(motor), base.measurement)
+        motor = added.added_to(motor)
+        near = _near(base, names[:number], values)
+        trails.append(dataclasses.replace(near, task=dataclasses.replace(near.task, bounds={**wider, **base.bounds})))
     *fewer, last = each(_fitted_near, [(base, trail) for trail in trails])
     return [*falling(base, fewer), last]
 
@@ -214,13 +220,4 @@ def _names(base: Fit, trail: Trail) -> Effects:
 
 def _near(base: Fit, names: Effects, values: Mapping[str, float]) -> Trail:
     """These effects, from the values of a solution with more of them or others."""
-    return Trail(_task(base, names), [values], 1, NEARLY_ALL)
-
-
-def _task(base: Fit, names: Effects) -> Task:
-    """A fit with these effects at once, in the ranges in which they are sought one by one."""
-    motor, wider = base.motor, dict[str, tuple[float, float]]()
-    for added in map(find_effect, names):
-        wider |= scaled_ranges(added.effect, added.label_in(motor), base.measurement)
-        motor = added.added_to(motor)
-    return Task(motor, base.measurement, {**wider, **base.bounds}, base.held)
+    return Trail(Task(add_effects(base.motor, names), base.measurement, base.bounds, base.held), [values], 1, NEARLY_ALL)
