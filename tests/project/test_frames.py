@@ -13,7 +13,7 @@ from motoremi.blind import hard, scoreboard
 from motoremi.blind.cases import Case
 from motoremi.data.plain import plain
 from motoremi.fleet.fleet_frames import frames_of, table_of
-from motoremi.fleet.run import RESULTS
+from motoremi.fleet.run import FIGURES, RESULTS
 from motoremi.fleet.statistics import fleet_figures
 
 FREQUENCY = np.geomspace(150e3, 30e6, 41)
@@ -126,6 +126,17 @@ def test_a_fleet_has_its_units_in_the_names_of_its_columns(tmp_path):
     pd.testing.assert_frame_equal(frames_of(fleet_figures(results))["values"], values)
     with pytest.raises(me.BadInput, match="no results of a fleet"):
         me.fleet_frames(tmp_path / "elsewhere")
+    # Without a golden set, those of the run count.
+    (tmp_path / FIGURES).write_text(json.dumps({"golden": "m0*", "tolerances": {"La": 0.2}}))
+    tables = me.fleet_frames(tmp_path)
+    assert tables["limits"].index.tolist() == ["La_h"]
+    assert tables["from_golden"].loc["m12", "La_h"] > 100
+    assert tables["motors"].loc["m12", "result"] == "beyond limits"
+    assert me.fleet_frames(tmp_path, golden="m*")["limits"].index.tolist() == ["La_h", "Cf_f", "rms_error_percent", "skin-effect.corner_hz"]
+    for damaged in ("{", '{"tolerances": {"La": "x"}}', '{"tolerances": [1]}'):
+        (tmp_path / FIGURES).write_text(damaged)
+        with pytest.raises(me.BadInput, match=r"fleet.json: damaged"):
+            me.fleet_frames(tmp_path)
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from motoremi.cli.options import AsJson, command
 from motoremi.data.text import clean_text
 
 if TYPE_CHECKING:
-    from motoremi.arrays import Progress
+    from motoremi.arrays import JsonDict, Progress
 
 # Number of motors that are listed, and seconds between two lines of progress in a log.
 SHOWN, LOGGED_S = 10, 10.0
@@ -86,8 +86,7 @@ def fleet_(
     from motoremi.errors import BadInput
     from motoremi.fleet.fleet_frames import motors_of, table_of
     from motoremi.fleet.limits import golden_sessions, parse_tolerances
-    from motoremi.fleet.motors import OUTCOMES
-    from motoremi.fleet.page import NOT_LOOKED_FOR, fleet_html
+    from motoremi.fleet.page import fleet_html
     from motoremi.fleet.run import FIGURES, RESULTS, DaskCluster, LocalProcesses, run_fleet, sessions_in, settled
     from motoremi.fleet.statistics import fleet_figures
     from motoremi.fleet.work import Job
@@ -119,14 +118,23 @@ def fleet_(
     # Spreadsheets need the mark at the beginning to read names with umlauts.
     write_whole(target / "motors.csv", motors_of(figures).to_csv(lineterminator="\n").encode("utf-8-sig"))
     write_whole(target / "fleet.html", fleet_html(figures, folder.name).encode())
-    by_result = Counter(one["result"] for one in figures["motors"])
-    failed = (strict and any(by_result[name] for name in ("beyond limits", "no result", "data in doubt"))) or by_result["no result"] == len(
-        sessions
-    )
+    results = Counter(one["result"] for one in figures["motors"])
+    doubtful = results["beyond limits"] + results["no result"] + results["data in doubt"]
     if as_json:
         emit_json({**shown, "computed_now": computed, "folder": str(target), "report": str(target / "fleet.html")})
-        raise typer.Exit(int(failed))
-    counts = figures["counts"]
+    else:
+        _say(figures, computed)
+        say(f"report: {target / 'fleet.html'}\ntables: {', '.join(str(target / name) for name in (FIGURES, 'motors.csv', 'parameters.csv'))}")
+    raise typer.Exit(int(results["no result"] == len(sessions) or (strict and doubtful > 0)))
+
+
+def _say(figures: JsonDict, computed: int) -> None:
+    """The most important of the figures."""
+    from motoremi.cli.output import say
+    from motoremi.fleet.motors import OUTCOMES
+    from motoremi.fleet.page import NOT_LOOKED_FOR
+
+    counts, results = figures["counts"], Counter(one["result"] for one in figures["motors"])
     say(f"{counts['sessions']} sessions, {computed} computed now, {counts['troubled']} troubled")
     if not figures["diagnosed"]:
         say(f"  missing effects and findings: {NOT_LOOKED_FOR}")
@@ -136,20 +144,17 @@ def fleet_(
         say(f"  found, serious: {name:12s} {len(sessions)}")
     if figures["no_limits"]:
         say(f"  no limits from the golden set: {figures['no_limits']} (or state what may differ: --tolerance 10%)")
-    elif golden is not None:
-        say(f"  beyond the golden set's limits: {by_result['beyond limits']} motors")
-    say(f"  {', '.join(f'{name} {by_result[name]}' for name in OUTCOMES if by_result[name])}")
+    elif figures["golden"]:
+        say(f"  beyond the golden set's limits: {results['beyond limits']} motors")
+    say(f"  {', '.join(f'{name} {results[name]}' for name in OUTCOMES if results[name])}")
     told = [one for one in figures["motors"] if one["result"] not in ("within limits", "golden") and one["reasons"]]
     for one in told[:SHOWN]:
         say(f"  {one['session']}: {one['result']}: {'; '.join(one['reasons'])}")
     if len(told) > SHOWN:
         say(f"  and {len(told) - SHOWN} more")
-    for sessions in figures["alike"]["serial"][:SHOWN]:
-        say(f"  the same serial number: {', '.join(sessions)}")
-    for sessions in figures["alike"]["data"][:SHOWN]:
-        say(f"  the same data: {', '.join(sessions)}")
-    say(f"report: {target / 'fleet.html'}\ntables: {', '.join(str(target / name) for name in (FIGURES, 'motors.csv', 'parameters.csv'))}")
-    raise typer.Exit(int(failed))
+    for what, groups in (("serial number", figures["alike"]["serial"]), ("data", figures["alike"]["data"])):
+        for sessions in groups[:SHOWN]:
+            say(f"  the same {what}: {', '.join(sessions)}")
 
 
 def register(app: typer.Typer) -> None:

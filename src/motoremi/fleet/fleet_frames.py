@@ -49,10 +49,20 @@ def fleet_frames(folder: str | os.PathLike[str], golden: str | None = None, tole
     last = {str(result["session"]): result for result in stored_results(log)}
     if not last:
         raise BadInput(f"{folder}: no results of a fleet (a file {RESULTS}) in this folder")
+    shares = parse_tolerances(tolerances)
     if golden is None and (stored := Path(folder) / FIGURES).is_file():
-        before = object_from_json(stored.read_bytes())
-        return frames_of(fleet_figures(last.values(), before.get("golden"), before.get("tolerances")))
-    return frames_of(fleet_figures(last.values(), golden, parse_tolerances(tolerances)))
+        golden, shares = _limits_of_the_run(stored)
+    return frames_of(fleet_figures(last.values(), golden, shares))
+
+
+def _limits_of_the_run(stored: Path) -> tuple[str | None, dict[str, float]]:
+    """The golden set and the tolerances with which a fleet was run."""
+    try:
+        figures = object_from_json(stored.read_bytes())
+        golden, shares = figures.get("golden"), {str(name): float(share) for name, share in dict(figures.get("tolerances") or {}).items()}
+    except (ValueError, TypeError) as error:
+        raise BadInput(f"{stored}: damaged ({error}); run motoremi fleet again") from error
+    return None if golden is None else str(golden), shares
 
 
 def frames_of(figures: JsonDict) -> dict[str, pd.DataFrame]:

@@ -6,7 +6,7 @@ import math
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 
 import numpy as np
@@ -37,6 +37,56 @@ class _Row:
     sigma: dict[str, float]
     # The error that noise and analyser would leave with a perfect circuit, in percent.
     floor: float
+
+
+@dataclass
+class _Seen:
+    """What is collected from the results, one by one, to limit the memory."""
+
+    sessions: list[str] = field(default_factory=list)
+    rows: list[_Row] = field(default_factory=list)
+    units: dict[str, str] = field(default_factory=dict)
+    verdicts: Counter[str] = field(default_factory=Counter)
+    effects: Counter[str] = field(default_factory=Counter)
+    findings: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+    undetermined: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+    troubles: list[JsonDict] = field(default_factory=list)
+    answers: dict[str, JsonDict] = field(default_factory=dict)
+    serials: dict[str, str] = field(default_factory=dict)
+    spans: dict[str, tuple[float, float]] = field(default_factory=dict)
+    # Sessions with the same fit, by that fit.
+    alike: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+
+    def take(self, result: JsonDict) -> None:
+        """One result of `work`."""
+        session = str(result["session"])
+        self.sessions.append(session)
+        if serial := str(result.get("serial") or ""):
+            self.serials[session] = serial
+        if result["status"] != "done":
+            self.troubles.append({"session": session, "status": result["status"], "trouble": result["trouble"]})
+            return
+        best = result["best"]
+        self.alike[_fingerprint(best)].append(session)
+        if "span_hz" in result:
+            self.spans[session] = tuple(result["span_hz"])
+        if (diagnosis := result.get("diagnosis")) is not None:
+            self.verdicts[diagnosis["verdict"]] += 1
+            self.effects.update(diagnosis["effects"])
+            self.answers[session] = {key: diagnosis.get(key) for key in ("verdict", "effects", "confidence")}
+            for identifier in dict.fromkeys(finding["id"] for finding in serious_of(findings_of(diagnosis))):
+                self.findings[identifier].append(session)
+        if not best["converged"]:
+            self.troubles.append({"session": session, "status": "done", "trouble": "the fit did not converge: left out of the figures"})
+            return
+        self.units.update({name: entry["unit"] for name, entry in best["parameters"].items()})
+        for name in best.get("undetermined", ()):
+            self.undetermined[name].append(session)
+        values = {name: float(entry["value"]) for name, entry in best["parameters"].items() if entry["value"] > 0}
+        sigma = {name: _relative_sigma(best["parameters"][name], value) for name, value in values.items()}
+        figures = {**values, ERROR: best["rms_error_percent"]}
+        place = _seconds(result["time"]), _number(result["serial"])
+        self.rows.append(_Row(session, *place, figures, {**sigma, ERROR: 0.0}, float(best.get("floor_percent", 0.0))))
 
 
 def _relative_sigma(entry: JsonDict, value: float) -> float:
@@ -73,65 +123,26 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
     BadInput
         If the pattern matches no session.
     """
-    rows: list[_Row] = []
-    units: dict[str, str] = {}
-    verdicts: Counter[str] = Counter()
-    effects: Counter[str] = Counter()
-    findings: dict[str, list[str]] = defaultdict(list)
-    undetermined: dict[str, list[str]] = defaultdict(list)
-    troubles: list[JsonDict] = []
-    answers: dict[str, JsonDict] = {}
-    names: list[str] = []
-    serials: dict[str, str] = {}
-    same: dict[str, list[str]] = defaultdict(list)
-    spans: dict[str, tuple[float, float]] = {}
+    seen = _Seen()
     for result in results:
-        names.append(result["session"])
-        if serial := str(result.get("serial") or ""):
-            serials[result["session"]] = serial
-        if result["status"] == "done":
-            same[_fingerprint(result["best"])].append(result["session"])
-            if "span_hz" in result:
-                spans[result["session"]] = tuple(result["span_hz"])
-        if result["status"] != "done":
-            troubles.append({"session": result["session"], "status": result["status"], "trouble": result["trouble"]})
-            continue
-        diagnosis = result.get("diagnosis")
-        if diagnosis is not None:
-            verdicts[diagnosis["verdict"]] += 1
-            effects.update(diagnosis["effects"])
-            answers[result["session"]] = {key: diagnosis.get(key) for key in ("verdict", "effects", "confidence")}
-            for identifier in dict.fromkeys(finding["id"] for finding in serious_of(findings_of(diagnosis))):
-                findings[identifier].append(result["session"])
-        best = result["best"]
-        if not best["converged"]:
-            troubles.append({"session": result["session"], "status": "done", "trouble": "the fit did not converge: left out of the figures"})
-            continue
-        units.update({name: entry["unit"] for name, entry in best["parameters"].items()})
-        # Results that an earlier version stored do not have them.
-        for name in best.get("undetermined", ()):
-            undetermined[name].append(result["session"])
-        values = {name: float(entry["value"]) for name, entry in best["parameters"].items() if entry["value"] > 0}
-        sigma = {name: _relative_sigma(best["parameters"][name], value) for name, value in values.items()}
-        figures = {**values, ERROR: best["rms_error_percent"]}
-        place = _seconds(result["time"]), _number(result["serial"])
-        rows.append(_Row(result["session"], *place, figures, {**sigma, ERROR: 0.0}, float(best.get("floor_percent", 0.0))))
-    units[ERROR] = "%"
+        seen.take(result)
+    rows = seen.rows
+    units = {**seen.units, ERROR: "%"}
     columns = _columns(rows)
     own = {row.session: row.sigma for row in rows}
-    chosen = set() if golden is None else golden_sessions([*own, *(str(trouble["session"]) for trouble in troubles)], golden)
+    chosen = set() if golden is None else golden_sessions([*own, *(str(trouble["session"]) for trouble in seen.troubles)], golden)
     limits = limits_of(columns, chosen, tolerances or {})
     floors = {row.session: row.floor for row in rows}
     figures = {
         "schema": "motoremi.fleet/1",
-        "counts": {"sessions": len(rows) + len(troubles), "in_the_figures": len(rows), "troubled": len(troubles)},
-        "diagnosed": verdicts.total(),
-        "verdicts": dict(verdicts.most_common()),
-        "effects": dict(effects.most_common()),
-        "findings": dict(sorted(findings.items(), key=lambda entry: -len(entry[1]))),
+        "counts": {"sessions": len(rows) + len(seen.troubles), "in_the_figures": len(rows), "troubled": len(seen.troubles)},
+        "diagnosed": seen.verdicts.total(),
+        "verdicts": dict(seen.verdicts.most_common()),
+        "effects": dict(seen.effects.most_common()),
+        "findings": dict(sorted(seen.findings.items(), key=lambda entry: -len(entry[1]))),
         "parameters": {name: {"unit": units[name], **_distribution(column)} for name, column in columns.items()},
         "drift": _drift(rows, columns),
-        "undetermined": dict(undetermined),
+        "undetermined": dict(seen.undetermined),
         "testable": [axis for axis, places in _axes(rows).items() if len(set(places.values())) >= _least_for_drift(len(columns))],
         "undated": sum(not np.isfinite(row.time) for row in rows),
         "outliers": _outliers(columns, own, floors),
@@ -140,19 +151,19 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
         "no_limits": "" if golden is None or limits else _too_few(len(chosen), len(chosen & own.keys()), 1 if tolerances else FEWEST),
         "tolerances": dict(tolerances or {}),
         "beyond_limits": beyond_limits(columns, limits, own, chosen, floors),
-        "troubles": troubles,
+        "troubles": seen.troubles,
         "values": {name: dict(column) for name, column in columns.items()},
         "sigma": {
             name: {session: value * own[session][name] for session, value in column.items()} for name, column in columns.items() if name != ERROR
         },
-        "answers": answers,
+        "answers": seen.answers,
         "times": _axes(rows)["time"],
         "numbers": _axes(rows)["serial"],
-        "serials": serials,
-        "unlike": _unlike(spans),
-        "alike": {"serial": _repeated(serials), "data": [sessions for sessions in same.values() if len(sessions) > 1]},
+        "serials": seen.serials,
+        "unlike": _unlike(seen.spans),
+        "alike": {"serial": _repeated(seen.serials), "data": [sessions for sessions in seen.alike.values() if len(sessions) > 1]},
     }
-    return {**figures, "motors": each_motor(figures, names, chosen, serials)}
+    return {**figures, "motors": each_motor(figures, seen.sessions, chosen, seen.serials)}
 
 
 def _fingerprint(best: JsonDict) -> str:
