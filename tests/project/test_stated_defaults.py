@@ -133,6 +133,14 @@ def the_analyser_is_unknown(folder: Path) -> None:
     assert me.fit(me.dc_motor(), me.load(folder / "line/motor").sweeps).measurement.analyser.name == "unknown"
 
 
+def the_analyser_of_a_folder_of_files_is_unknown(folder: Path) -> None:
+    rows = [f"{1e5 * number},3,{17 * number}" for number in range(1, 9)]
+    (folder / "many").mkdir()
+    (folder / "many/7_short.csv").write_text("\n".join(["frequency_hz,resistance_ohm,reactance_ohm", *rows, ""]))
+    assert motoremi(folder, "import-folder", "many", "imported", "--short", "*_short.csv").returncode == 0
+    assert me.fit(me.dc_motor(), me.load(folder / "imported/7").sweeps).measurement.analyser.name == "unknown"
+
+
 def touchstone_is_of_the_open_sweep(folder: Path) -> None:
     for file, more in (("default.s1p", []), ("open.s1p", ["--termination", "open"]), ("short.s1p", ["--termination", "short"])):
         assert motoremi(folder, "export", "line/motor", "--touchstone", file, *more).returncode == 0
@@ -183,6 +191,7 @@ IN_WORDS: dict[tuple[str, str], Callable[[Path], None]] = {
     ("", "config"): settings_are_those_of_this_folder,
     ("demo", "effect"): the_effect_of_a_demo_follows_from_its_seed,
     ("import", "analyser"): the_analyser_is_unknown,
+    ("import-folder", "analyser"): the_analyser_of_a_folder_of_files_is_unknown,
     ("export", "termination"): touchstone_is_of_the_open_sweep,
     ("plot", "out"): a_plot_is_called_after_what_it_shows,
     ("fleet", "out"): a_fleet_is_beside_its_folder,
@@ -190,7 +199,7 @@ IN_WORDS: dict[tuple[str, str], Callable[[Path], None]] = {
     ("scoreboard", "seed"): the_seed_of_a_scoreboard_is_drawn_and_printed,
 }
 # These take half a second or more.
-SLOW = {("scoreboard", "seed"), ("plot", "out"), ("fleet", "out"), ("export", "termination"), ("", "config")}
+SLOW = {("import-folder", "analyser"), ("scoreboard", "seed"), ("plot", "out"), ("fleet", "out"), ("export", "termination"), ("", "config")}
 
 
 def test_every_default_in_words_is_checked_here():

@@ -6,7 +6,7 @@ import io
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
@@ -23,6 +23,45 @@ Without: TypeAlias = Annotated[
     list[str] | None, typer.Option("--without", metavar="ID", help="A measurement that this bench cannot do; may be repeated.")
 ]
 Menu: TypeAlias = Annotated[Path | None, typer.Option("--menu", metavar="FILE", help="Measurements and minutes of your own laboratory (TOML).")]
+# Options of both imports.
+AnalyserName: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--analyser",
+        metavar="NAME",
+        help="Analyser of the sweeps: 4294a, e4990a (with adapter and fixture: 4294a+1m+leads), nanovna, none (ideal); with the motor "
+        "between two ports, for files that do not say so, nanovna+series-through; "
+        "unknown, the default: the size of its errors is estimated.",
+    ),
+]
+Fixture: TypeAlias = Annotated[
+    Literal["series-through", "shunt-through", "reflection"] | None,
+    typer.Option(
+        "--fixture",
+        help="For Touchstone of two ports (.s2p): motor in series between the ports, or across the line (S21; the errors assumed of the "
+        "analyser are then those of a transmission), or at port 1 alone (S11).",
+    ),
+]
+Compensated: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--compensated",
+        help="The analyser was calibrated at the motor's terminals, or its fixture compensated there: without it a network analyser's fixture "
+        "of a few centimetres is estimated from the sweeps.",
+    ),
+]
+Band: TypeAlias = Annotated[
+    str, typer.Option("--band", metavar="LOW:HIGH", help="Part of the sweeps to use, for example 150kHz:30MHz; the rest is left out.")
+]
+UnitsGiven: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column whose name has none: FREQ=Hz, Z=Ohm, PHASE=deg; may be repeated."),
+]
+Accuracy: TypeAlias = Annotated[
+    str, typer.Option("--accuracy", metavar="PERCENT", help="Accuracy of the sweeps in percent of |Z|; a model with this error is good enough.")
+]
+Operator: TypeAlias = Annotated[str, typer.Option("--operator", metavar="TEXT", help="Who measured, for the report.")]
+Ambient: TypeAlias = Annotated[str, typer.Option("--ambient", metavar="TEXT", help="Temperature and humidity, for the report.")]
 Out: TypeAlias = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to make.", show_default=False)]
 
 

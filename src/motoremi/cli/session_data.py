@@ -4,11 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motoremi.cli.options import AsJson, SessionPath, command, corrections_of, is_typed
+from motoremi.cli.options import (
+    Accuracy,
+    Ambient,
+    AnalyserName,
+    AsJson,
+    Band,
+    Compensated,
+    Fixture,
+    Operator,
+    SessionPath,
+    UnitsGiven,
+    command,
+    corrections_of,
+    is_typed,
+)
 from motoremi.errors import BadInput
 
 if TYPE_CHECKING:
@@ -38,42 +52,12 @@ def import_(
     short: Annotated[list[Path] | None, typer.Option("--short", metavar="FILE...", help="Short-circuit sweeps; several are repeats.")] = None,
     open_: Annotated[list[Path] | None, typer.Option("--open", metavar="FILE...", help="Open-circuit sweeps; several are repeats.")] = None,
     spectrum: Annotated[list[Path] | None, typer.Option("--spectrum", metavar="FILE...", help="Emission spectra.")] = None,
-    analyser: Annotated[
-        str | None,
-        typer.Option(
-            "--analyser",
-            metavar="NAME",
-            help="Analyser of the sweeps: 4294a, e4990a (with adapter and fixture: 4294a+1m+leads), nanovna, none (ideal); with the motor "
-            "between two ports, for files that do not say so, nanovna+series-through; "
-            "unknown, the default: the size of its errors is estimated.",
-        ),
-    ] = None,
-    fixture: Annotated[
-        Literal["series-through", "shunt-through", "reflection"] | None,
-        typer.Option(
-            "--fixture",
-            help="For Touchstone of two ports (.s2p): motor in series between the ports, or across the line (S21; the errors assumed of the "
-            "analyser are then those of a transmission), or at port 1 alone (S11).",
-        ),
-    ] = None,
-    compensated: Annotated[
-        bool,
-        typer.Option(
-            "--compensated",
-            help="The analyser was calibrated at the motor's terminals, or its fixture compensated there: without it a network analyser's fixture "
-            "of a few centimetres is estimated from the sweeps.",
-        ),
-    ] = False,
-    band: Annotated[
-        str, typer.Option("--band", metavar="LOW:HIGH", help="Part of the sweeps to use, for example 150kHz:30MHz; the rest is left out.")
-    ] = "",
-    unit: Annotated[
-        list[str] | None,
-        typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column whose name has none: FREQ=Hz, Z=Ohm, PHASE=deg; may be repeated."),
-    ] = None,
-    accuracy: Annotated[
-        str, typer.Option("--accuracy", metavar="PERCENT", help="Accuracy of the sweeps in percent of |Z|; a model with this error is good enough.")
-    ] = "",
+    analyser: AnalyserName = None,
+    fixture: Fixture = None,
+    compensated: Compensated = False,
+    band: Band = "",
+    unit: UnitsGiven = None,
+    accuracy: Accuracy = "",
     corrections: Annotated[
         Path | None,
         typer.Option(
@@ -88,8 +72,8 @@ def import_(
     ] = "",
     motor: Annotated[str, typer.Option("--motor", metavar="TEXT", help="Name of the motor, for the report.")] = "",
     serial: Annotated[str, typer.Option("--serial", metavar="TEXT", help="Its serial number; a fleet report looks for drift with it.")] = "",
-    operator: Annotated[str, typer.Option("--operator", metavar="TEXT", help="Who measured, for the report.")] = "",
-    ambient: Annotated[str, typer.Option("--ambient", metavar="TEXT", help="Temperature and humidity, for the report.")] = "",
+    operator: Operator = "",
+    ambient: Ambient = "",
     as_json: AsJson = False,
 ) -> None:
     """Make a session from files, or add files to a session."""
@@ -101,7 +85,7 @@ def import_(
     from motoremi.workflow_import import ImportOptions, addition, prepared
 
     values = [parse_value(text) for text in value or []]
-    span, units = parse_band(band) if band else None, _units(unit or [])
+    span, units = parse_band(band) if band else None, units_given(unit or [])
     if append:
         beside = {
             "--corrections": corrections,
@@ -118,9 +102,9 @@ def import_(
             refuse_other_termination(condition, bool(short), bool(open_))
         with progress_bars(as_json) as bars:
             show = bars.bar("reading") or _silent
-            further = _sweeps(short or [], open_ or [], fixture, span, units, show)
+            further = sweeps_of(short or [], open_ or [], fixture, span, units, show)
             spectra, finals = _emission(spectrum or [], units, show)
-        _check_units(units, [*further, *spectra])
+        check_units(units, [*further, *spectra])
         stated = ImportOptions(
             analyser if is_typed(context, "analyser") else None,
             band if further or is_typed(context, "band") else "",
@@ -138,9 +122,9 @@ def import_(
         raise BadInput("nothing to import: give --short FILE..., --open FILE..., or better both; or --spectrum FILE...")
     with progress_bars(as_json) as bars:
         show = bars.bar("reading") or _silent
-        read = _sweeps(short or [], open_ or [], fixture, span, units, show)
+        read = sweeps_of(short or [], open_ or [], fixture, span, units, show)
         spectra, finals = _emission(spectrum or [], units, show)
-    _check_units(units, [*read, *spectra])
+    check_units(units, [*read, *spectra])
     chain = NO_CORRECTIONS if corrections is None else corrections_of(corrections)
     stated = ImportOptions(analyser, band, accuracy, chain, limit, motor, serial, operator, ambient, compensated)
     with progress_bars(as_json) as bars:
@@ -285,7 +269,7 @@ def withdraw_(
     _say_what_follows(path, "to other data" if done.emptied_ladder else "", done.discarded, done.of_spectra)
 
 
-def _units(given: list[str]) -> dict[str, str]:
+def units_given(given: list[str]) -> dict[str, str]:
     """Units of columns by name, from `COLUMN=UNIT`."""
     units = {}
     for text in given:
@@ -296,7 +280,7 @@ def _units(given: list[str]) -> dict[str, str]:
     return units
 
 
-def _check_units(units: dict[str, str], read: Sequence[ImpedanceSweep | Spectrum]) -> None:
+def check_units(units: dict[str, str], read: Sequence[ImpedanceSweep | Spectrum]) -> None:
     """Refuse units that no file needs: the name of a column may be mistyped."""
     from motoremi.data.columns import UNITS_GIVEN
 
@@ -304,7 +288,7 @@ def _check_units(units: dict[str, str], read: Sequence[ImpedanceSweep | Spectrum
         raise BadInput(f"--unit is for columns of tables: no file has a column {' or '.join(map(repr, units))}")
 
 
-def _sweeps(
+def sweeps_of(
     short: list[Path],
     open_: list[Path],
     fixture: str | None,

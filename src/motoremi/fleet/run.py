@@ -47,7 +47,7 @@ def sessions_in(folder: Path) -> list[str]:
             found.append(Path(here).relative_to(folder).as_posix())
             folders.clear()
     if not found:
-        raise BadInput(f"{folder}: no sessions in this folder (a session holds {SESSION})")
+        raise BadInput(f"{folder}: no sessions in this folder (a session holds {SESSION}); make them of files with motoremi import-folder")
     return sorted(found)
 
 
