@@ -27,6 +27,7 @@ from motoremi.errors import BadInput, InstrumentError
 from motoremi.fleet import run as fleet_run
 from motoremi.fleet.fleet_frames import motors_of, table_of
 from motoremi.fleet.limits import parse_tolerances, tolerance_factor
+from motoremi.fleet.motors import deviation
 from motoremi.fleet.page import fleet_html
 from motoremi.fleet.run import RESULTS, DaskCluster, ExecutorMaker, LocalProcesses, run_fleet, sessions_in, settled, stored_results
 from motoremi.fleet.statistics import fleet_figures
@@ -324,6 +325,7 @@ def test_each_motor_has_a_result_and_reasons():
     assert (motors["golden/m001"]["result"], motors["line/cut"]["result"]) == ("golden", "no result")
     assert motors["line/cut"]["reasons"] == ["the file is cut off"]
     assert {one["result"] for one in fleet_figures(results)["motors"]} == {"no result", "not judged"}
+    assert deviation({"deviation_percent": 1e5}) == "1e+03 times that of golden"
     page = fleet_html(figures, "story")
     assert "beyond limits 1, no result 2, within limits" in page
     assert "not that the motor is a good one" in page

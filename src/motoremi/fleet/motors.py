@@ -10,8 +10,16 @@ from motoremi.arrays import JsonDict
 from motoremi.quantities import show
 
 Outcome = Literal["beyond limits", "no result", "data in doubt", "not judged", "within limits", "golden"]
+# A larger deviation is told as a factor.
+FAR_PERCENT = 900.0
 # The order in which motors are listed.
 OUTCOMES: tuple[Outcome, ...] = ("beyond limits", "no result", "data in doubt", "not judged", "within limits", "golden")
+
+
+def deviation(beyond: JsonDict) -> str:
+    """How far a value beyond the limits is from the golden motors, in words."""
+    percent = float(beyond["deviation_percent"])
+    return f"{percent:+.3g} % from golden" if percent < FAR_PERCENT else f"{1 + percent / 100:.3g} times that of golden"
 
 
 def each_motor(figures: JsonDict, sessions: Sequence[str], golden: Collection[str], serials: Mapping[str, str]) -> list[JsonDict]:
@@ -37,7 +45,7 @@ def each_motor(figures: JsonDict, sessions: Sequence[str], golden: Collection[st
     for entry in figures["beyond_limits"]:
         unit = figures["parameters"][entry["parameter"]]["unit"]
         value, low, high = (show(entry[key], unit) for key in ("value", "low", "high"))
-        beyond[entry["session"]].append(f"{entry['parameter']} {value}, limits {low} - {high} ({entry['deviation_percent']:+.3g} % from golden)")
+        beyond[entry["session"]].append(f"{entry['parameter']} {value}, limits {low} - {high} ({deviation(entry)})")
     doubts: dict[str, list[str]] = defaultdict(list)
     for identifier, sessions in figures["findings"].items():
         for session in sessions:

@@ -9,7 +9,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict
 from motoremi.fleet.limits import FEWEST
-from motoremi.fleet.motors import OUTCOMES
+from motoremi.fleet.motors import OUTCOMES, deviation
 from motoremi.quantities import percent, show
 from motoremi.report.axes import BLUE, VERMILION
 from motoremi.report.contents import Box, Picture, Report, Section, Table
@@ -174,13 +174,10 @@ def _golden(figures: JsonDict) -> Section:
     without = [name for name in figures["parameters"] if name not in figures["limits"]]
     few = (f"Determined by fewer than {FEWEST} golden motors, so without limits: {', '.join(without)}.",) if without else ()
     found = figures["beyond_limits"]
-    beyond = tuple(
-        (b["session"], b["parameter"], _shown(figures, b["parameter"], b["value"]), f"{b['deviation_percent']:+.3g} %")
-        for b in found[:_LONGEST_TABLE]
-    )
+    beyond = tuple((b["session"], b["parameter"], _shown(figures, b["parameter"], b["value"]), deviation(b)) for b in found[:_LONGEST_TABLE])
     tables = (
         Table("Limits", ("parameter", "golden motors", "low", "high"), limits),
-        Table("Beyond the limits, the farthest from the golden motors first", ("session", "parameter", "value", "from golden"), beyond),
+        Table("Beyond the limits, the farthest from the golden motors first", ("session", "parameter", "value", "deviation"), beyond),
     )
     return Section("Limits from the golden set", (text, *few, *_and_more(len(found))), tables if beyond else tables[:1])
 
