@@ -28,7 +28,7 @@ from motoremi.fleet import run as fleet_run
 from motoremi.fleet.fleet_frames import motors_of, table_of
 from motoremi.fleet.limits import parse_tolerances, tolerance_factor
 from motoremi.fleet.motors import deviation
-from motoremi.fleet.page import fleet_html
+from motoremi.fleet.page import fleet_html, usual_span
 from motoremi.fleet.run import RESULTS, DaskCluster, ExecutorMaker, LocalProcesses, run_fleet, sessions_in, settled, stored_results
 from motoremi.fleet.statistics import fleet_figures
 from motoremi.fleet.work import Job, serial_of, work
@@ -325,7 +325,7 @@ def test_each_motor_has_a_result_and_reasons():
     assert (motors["golden/m001"]["result"], motors["line/cut"]["result"]) == ("golden", "no result")
     assert motors["line/cut"]["reasons"] == ["the file is cut off"]
     assert {one["result"] for one in fleet_figures(results)["motors"]} == {"no result", "not judged"}
-    assert deviation({"deviation_percent": 1e5}) == "1e+03 times that of golden"
+    assert deviation({"deviation_percent": 1e5}) == "1000 times that of golden"
     page = fleet_html(figures, "story")
     assert "beyond limits 1, no result 2, within limits" in page
     assert "not that the motor is a good one" in page
@@ -421,6 +421,14 @@ def test_an_imported_motor_has_the_date_of_its_measurement(tmp_path):
         (tmp_path / f"{name}.csv").write_text(f"{header}frequency_hz,resistance_ohm,reactance_ohm\n{rows}\n")
         assert motoremi("import", tmp_path / "all" / name, "--short", tmp_path / f"{name}.csv").returncode == 0
     assert [work(Job(name, str(tmp_path / "all"), False, 1))["time"] for name in ("dated", "undated")] == ["2026-01-31 09:00:00", ""]
+
+
+def test_one_far_value_leaves_the_others_to_be_seen():
+    values = np.exp(0.05 * np.random.default_rng(3).standard_normal(60))
+    values[7] = 1e3
+    assert usual_span(values, None)[1] < 2
+    assert usual_span(values, {"low": 0.2, "high": 5.0}) == (0.2, 5.0)
+    assert usual_span(np.ones(4), None) == (0.0, np.inf)
 
 
 def test_what_was_not_looked_for_is_not_called_none():

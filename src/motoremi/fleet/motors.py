@@ -19,7 +19,8 @@ OUTCOMES: tuple[Outcome, ...] = ("beyond limits", "no result", "data in doubt", 
 def deviation(beyond: JsonDict) -> str:
     """How far a value beyond the limits is from the golden motors, in words."""
     percent = float(beyond["deviation_percent"])
-    return f"{percent:+.3g} % from golden" if percent < FAR_PERCENT else f"{1 + percent / 100:.3g} times that of golden"
+    factor = float(f"{1 + percent / 100:.3g}")
+    return f"{percent:+.3g} % from golden" if percent < FAR_PERCENT else f"{factor:.15g} times that of golden"
 
 
 def each_motor(figures: JsonDict, sessions: Sequence[str], golden: Collection[str], serials: Mapping[str, str]) -> list[JsonDict]:

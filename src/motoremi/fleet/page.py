@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motoremi.arrays import JsonDict
+from motoremi.arrays import FloatArray, JsonDict
 from motoremi.fleet.limits import FEWEST
 from motoremi.fleet.motors import OUTCOMES, deviation
 from motoremi.quantities import percent, show
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LONGEST_TABLE = 50
+# Standard deviations from the median up to which a distribution is drawn.
+FARTHEST = 8.0
 _AXES = {"time": "time", "serial": "serial number"}
 # What is said of effects and findings if no session was diagnosed.
 NOT_LOOKED_FOR = "not looked for"
@@ -192,8 +194,11 @@ def _histograms(figures: JsonDict) -> Figure:
     for number, name in enumerate(names, start=1):
         axes = figure.add_subplot(down, across, number)
         values = np.array(list(figures["values"][name].values()))
-        bins = np.geomspace(values.min() * 0.999, values.max() * 1.001, min(40, 5 + len(values) // 4))
-        axes.hist(values, bins=bins.tolist(), color=BLUE)
+        shown = np.clip(values, *usual_span(values, figures["limits"].get(name)))
+        bins = np.geomspace(shown.min() * 0.999, shown.max() * 1.001, min(40, 5 + len(values) // 4))
+        axes.hist(shown, bins=bins.tolist(), color=BLUE)
+        if far := int(np.count_nonzero(shown != values)):
+            axes.set_title(f"{far} beyond, at the edge", fontsize=7)
         axes.set_xscale("log")
         axes.minorticks_off()
         unit = figures["parameters"][name]["unit"]
@@ -203,6 +208,15 @@ def _histograms(figures: JsonDict) -> Figure:
         for edge in (limit["low"], limit["high"]) if limit else ():
             axes.axvline(edge, color=VERMILION, linewidth=1)
     return figure
+
+
+def usual_span(values: FloatArray, limit: JsonDict | None) -> tuple[float, float]:
+    """The span in which a distribution is drawn: so wide that its limits and all but single far values are in it."""
+    low, middle, high = np.quantile(np.log(values), (0.25, 0.5, 0.75))
+    # Quartiles of a normal distribution are 0.67 standard deviations away; without any spread all values are drawn.
+    reach = FARTHEST * (high - low) / 1.35 or np.inf
+    edges = [] if limit is None else [limit["low"], limit["high"]]
+    return float(min(np.exp(middle - reach), *edges, np.inf)), float(max(np.exp(middle + reach), *edges, 0.0))
 
 
 def _trends(figures: JsonDict) -> Figure:
