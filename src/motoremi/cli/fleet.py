@@ -123,18 +123,18 @@ def fleet_(
     if as_json:
         emit_json({**shown, "computed_now": computed, "folder": str(target), "report": str(target / "fleet.html")})
     else:
-        _say(figures, computed)
+        _say(figures, results["beyond limits"], computed)
         say(f"report: {target / 'fleet.html'}\ntables: {', '.join(str(target / name) for name in (FIGURES, 'motors.csv', 'parameters.csv'))}")
     raise typer.Exit(int(results["no result"] == len(sessions) or (strict and doubtful > 0)))
 
 
-def _say(figures: JsonDict, computed: int) -> None:
+def _say(figures: JsonDict, beyond: int, computed: int) -> None:
     """The most important of the figures."""
     from motoremi.cli.output import say
-    from motoremi.fleet.motors import OUTCOMES
+    from motoremi.fleet.motors import counted, to_look_at
     from motoremi.fleet.page import NOT_LOOKED_FOR
 
-    counts, results = figures["counts"], Counter(one["result"] for one in figures["motors"])
+    counts, told = figures["counts"], to_look_at(figures)
     say(f"{counts['sessions']} sessions, {computed} computed now, {counts['troubled']} troubled")
     if not figures["diagnosed"]:
         say(f"  missing effects and findings: {NOT_LOOKED_FOR}")
@@ -145,9 +145,8 @@ def _say(figures: JsonDict, computed: int) -> None:
     if figures["no_limits"]:
         say(f"  no limits from the golden set: {figures['no_limits']} (or state what may differ: --tolerance 10%)")
     elif figures["golden"]:
-        say(f"  beyond the golden set's limits: {results['beyond limits']} motors")
-    say(f"  {', '.join(f'{name} {results[name]}' for name in OUTCOMES if results[name])}")
-    told = [one for one in figures["motors"] if one["result"] not in ("within limits", "golden") and one["reasons"]]
+        say(f"  beyond the golden set's limits: {beyond} motors")
+    say(f"  {counted(figures)}")
     for one in told[:SHOWN]:
         say(f"  {one['session']}: {one['result']}: {'; '.join(one['reasons'])}")
     if len(told) > SHOWN:

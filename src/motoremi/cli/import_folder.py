@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motoremi.cli.options import Accuracy, Ambient, AnalyserName, AsJson, Band, Compensated, Fixture, Operator, UnitsGiven, command
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from motoremi.data.grouping import Files
 
 
@@ -87,19 +85,20 @@ def import_folder_(
             }
         )
     else:
-        _tell(say, done, refused, there, alone, others)
+        _say(done, refused, there, alone, others)
         say(f"sessions: {out}\nnext: motoremi fleet {quoted(out)}")
     raise typer.Exit(int(bool(refused)))
 
 
-def _tell(
-    say: Callable[[str], Any], done: dict[str, list[str]], refused: dict[str, str], there: list[str], alone: dict[str, str], others: list[Path]
-) -> None:
+def _say(done: dict[str, list[str]], refused: dict[str, str], there: list[str], alone: dict[str, str], others: list[Path]) -> None:
+    """What was imported, what was not and why; a note that most motors have is said once."""
+    from motoremi.cli.output import say
+
     more = f", {len(there)} existed and stay as they are" if there else ""
     say(f"{len(done)} motors imported, {len(refused)} refused{more}")
     for name, why in refused.items():
         say(f"  {name}: refused: {why}")
-    often = {note for note, count in Counter(note for notes in done.values() for note in notes).items() if 2 * count > len(done) > 1}
+    often = [note for note, count in Counter(note for notes in done.values() for note in notes).items() if 2 * count > len(done) > 1]
     for note in often:
         say(f"  most motors: {note}")
     for name, notes in done.items():

@@ -132,7 +132,7 @@ def column_names(head: Head, where: str, example: str = IMPEDANCE_EXAMPLE) -> Na
 
 
 def _between_dots(names: str, row: str) -> Names | None:
-    """Names with dots between them above rows with another separator, as Solartron SMaRT exports them; None if they are as many only otherwise."""
+    """Names with dots between them above rows with another separator, as Solartron SMaRT exports them; None if there is not one for each value."""
     separator = _separator(row)
     if separator == BLANK or separator in names:
         return None

@@ -57,7 +57,7 @@ NEARLY_ALL = 0.1
 NEXT_TO_ALL = 0.02
 # The same of two effects whatever the specification of an impedance analyser, if nothing else is accepted. In three independent generators the pair
 # of five motors was found, left 1/186 to 1/111 of the undescribed part and was not named, since the analyser would have had to err beyond its
-# specification. Of eleven motors with a cause outside the catalogue no set left less than 1/34.
+# specification; two of them need unusual values and stay unnamed. Of eleven motors with a cause outside the catalogue no set left less than 1/34.
 HARDLY_ANYTHING = 0.01
 # Families of effects that are losses of one element each.
 LOSSES = ("winding-loss", "insulation")
@@ -166,7 +166,7 @@ class Judgement:
             return False
         corrected = [loss for loss in (replaced or under.added) if all(_of_one_element(name, loss) for name in further)]
         alone = [self.found.get(tuple(sorted((Counter(under.added) - Counter([loss])).elements()))) for loss in corrected]
-        # What was not fitted on all points left much.
+        # A set that the search did not fit on all points was far behind: it leaves much.
         return any(one is None or left <= NEARLY_ALL * one.fit.unexplained_percent["value"] for one in alone)
 
     def _only_relieves_what_is_assumed(self, under: Candidate, model: Candidate) -> bool:

@@ -83,16 +83,15 @@ def limits_of(columns: Mapping[str, Mapping[str, float]], golden: Collection[str
         usual coverage factor, for stated tolerances.
     """
     good = {name: np.log([value for session, value in column.items() if session in golden]) for name, column in columns.items()}
-    if tolerances:
-        shares = {name: tolerances.get(name, tolerances.get(EVERY)) for name in good if name != ERROR}
-        middles = {name: float(np.exp(good[name].mean())) for name, share in shares.items() if share is not None and len(good[name])}
-        return {
-            name: {"n": len(good[name]), "factor": 2.0, "middle": middle, "low": middle * (1 - share), "high": middle * (1 + share)}
-            for name, middle in middles.items()
-            if (share := shares[name]) is not None
-        }
-    enough = {name: logs for name, logs in good.items() if len(logs) >= FEWEST}
     limits: dict[str, JsonDict] = {}
+    if tolerances:
+        for name, logs in good.items():
+            share = tolerances.get(name, tolerances.get(EVERY))
+            if share is not None and name != ERROR and logs.size:
+                middle = float(np.exp(logs.mean()))
+                limits[name] = {"n": len(logs), "factor": 2.0, "middle": middle, "low": middle * (1 - share), "high": middle * (1 + share)}
+        return limits
+    enough = {name: logs for name, logs in good.items() if len(logs) >= FEWEST}
     for name, logs in enough.items():
         factor = tolerance_factor(len(logs), 1 - (1 - CONTENT) / len(enough))
         middle, spread = float(logs.mean()), float(logs.std(ddof=1))

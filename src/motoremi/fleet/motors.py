@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from typing import Literal
 
@@ -14,6 +14,17 @@ Outcome = Literal["beyond limits", "no result", "data in doubt", "not judged", "
 FAR_PERCENT = 900.0
 # The order in which motors are listed.
 OUTCOMES: tuple[Outcome, ...] = ("beyond limits", "no result", "data in doubt", "not judged", "within limits", "golden")
+
+
+def to_look_at(figures: JsonDict) -> list[JsonDict]:
+    """The motors that are not as they should be, and say why, the worst first."""
+    return [one for one in figures["motors"] if one["result"] not in ("within limits", "golden") and one["reasons"]]
+
+
+def counted(figures: JsonDict) -> str:
+    """How many motors have each result, in words."""
+    counts = Counter(one["result"] for one in figures["motors"])
+    return ", ".join(f"{name} {counts[name]}" for name in OUTCOMES if counts[name])
 
 
 def deviation(beyond: JsonDict) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.fleet.limits import FEWEST
-from motoremi.fleet.motors import OUTCOMES, deviation
+from motoremi.fleet.motors import counted, deviation, to_look_at
 from motoremi.quantities import percent, show
 from motoremi.report.axes import BLUE, VERMILION
 from motoremi.report.contents import Box, Picture, Report, Section, Table
@@ -63,15 +62,14 @@ def _report(figures: JsonDict, title: str) -> Report:
 
 
 def _each_motor(figures: JsonDict) -> Section:
-    counts = Counter(one["result"] for one in figures["motors"])
-    said = [f"{', '.join(f'{name} {counts[name]}' for name in OUTCOMES if counts[name])}."]
+    said = [f"{counted(figures)}."]
     if not figures["limits"]:
         said.append("Whether a motor is good is judged by limits only: name motors that are known to be good (--golden).")
     if figures["diagnosed"]:
         said.append(
             "The verdict of a diagnosis is about the circuit: `adequate` says that it describes the sweeps, not that the motor is a good one."
         )
-    told = [one for one in figures["motors"] if one["result"] not in ("within limits", "golden") and one["reasons"]]
+    told = to_look_at(figures)
     rows = tuple((one["session"], one["serial"], one["result"], "; ".join(one["reasons"])) for one in told[:_LONGEST_TABLE])
     tables = (Table("Motors to look at, the worst first", ("session", "serial", "result", "why"), rows),) if rows else ()
     return Section("Each motor", (*said, *_and_more(len(told))), tables)

@@ -133,6 +133,7 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
     chosen = set() if golden is None else golden_sessions([*own, *(str(trouble["session"]) for trouble in seen.troubles)], golden)
     limits = limits_of(columns, chosen, tolerances or {})
     floors = {row.session: row.floor for row in rows}
+    axes = _axes(rows)
     figures = {
         "schema": "motoremi.fleet/1",
         "counts": {"sessions": len(rows) + len(seen.troubles), "in_the_figures": len(rows), "troubled": len(seen.troubles)},
@@ -141,9 +142,9 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
         "effects": dict(seen.effects.most_common()),
         "findings": dict(sorted(seen.findings.items(), key=lambda entry: -len(entry[1]))),
         "parameters": {name: {"unit": units[name], **_distribution(column)} for name, column in columns.items()},
-        "drift": _drift(rows, columns),
+        "drift": _drift(axes, columns),
         "undetermined": dict(seen.undetermined),
-        "testable": [axis for axis, places in _axes(rows).items() if len(set(places.values())) >= _least_for_drift(len(columns))],
+        "testable": [axis for axis, places in axes.items() if len(set(places.values())) >= _least_for_drift(len(columns))],
         "undated": sum(not np.isfinite(row.time) for row in rows),
         "outliers": _outliers(columns, own, floors),
         "golden": golden,
@@ -157,8 +158,8 @@ def fleet_figures(results: Iterable[JsonDict], golden: str | None = None, tolera
             name: {session: value * own[session][name] for session, value in column.items()} for name, column in columns.items() if name != ERROR
         },
         "answers": seen.answers,
-        "times": _axes(rows)["time"],
-        "numbers": _axes(rows)["serial"],
+        "times": axes["time"],
+        "numbers": axes["serial"],
         "serials": seen.serials,
         "unlike": _unlike(seen.spans),
         "alike": {"serial": _repeated(seen.serials), "data": [sessions for sessions in seen.alike.values() if len(sessions) > 1]},
@@ -236,10 +237,10 @@ def _robust_sigma(values: FloatArray) -> float:
     return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
-def _drift(rows: list[_Row], columns: dict[str, dict[str, float]]) -> list[JsonDict]:
+def _drift(axes: dict[str, dict[str, float]], columns: dict[str, dict[str, float]]) -> list[JsonDict]:
     """Parameters that depend on time or serial number: Theil-Sen slope, Kendall's tau, p corrected for the number of tests (Holm)."""
     found: list[JsonDict] = []
-    for axis, places in _axes(rows).items():
+    for axis, places in axes.items():
         for name, column in columns.items():
             pairs = [(places[session], value) for session, value in column.items() if session in places]
             if len(pairs) < FEWEST or len({x for x, _ in pairs}) < 3:
