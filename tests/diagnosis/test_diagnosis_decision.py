@@ -891,3 +891,101 @@ def test_a_pair_that_leaves_next_to_nothing_may_need_twice_the_specification(sig
     )
     judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
     assert sorted(judgement.named) == (list(pair) if named else ["supply-cable"])
+
+
+def describes_all(one: SimpleNamespace) -> SimpleNamespace:
+    one.fit.marginal.nothing_left, one.fit.explained, one.leaves_nothing, one.done = 1.0, True, True, True
+    return one
+
+
+@pytest.mark.parametrize(
+    ("second", "error_percent", "left_percent", "by_waves", "named"),
+    [
+        ("brush-contact", 0.21, 0.24, False, ("rotor-cage",)),
+        # A circuit that comes clearly closer, an effect that leaves more than a tenth, a network analyser, a fault of the analyser.
+        ("brush-contact", 0.17, 0.24, False, ("rotor-cage", "brush-contact")),
+        ("brush-contact", 0.21, 1.2, False, ("rotor-cage", "brush-contact")),
+        ("brush-contact", 0.21, 0.24, True, ("rotor-cage", "brush-contact")),
+        ("open-residual", 0.21, 0.24, False, ("rotor-cage", "open-residual")),
+    ],
+)
+def test_one_effect_within_noise_and_specification_is_not_turned_into_a_pair(second, error_percent, left_percent, by_waves, named):
+    """A steel sleeve as a ladder of eight cylinders: its law is not quite that of a cage, and any of six effects describes the rest."""
+    found = by_a_named_analyser(
+        model((), 6000.0, 11.6, 11.6, analyser_sigma=4.5),
+        model(("rotor-cage",), 10526.0, 0.254, left_percent, analyser_sigma=24.0),
+        describes_all(model(("rotor-cage", second), 10900.0, error_percent, 0.0, analyser_sigma=2.0)),
+    )
+    for one in found.values():
+        one.fit.floor_percent, one.fit.measurement.analyser.by_waves = 0.33, by_waves
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == (named, True)
+
+
+@pytest.mark.parametrize(("error_percent", "named"), [(0.2, 2), (0.15, 3)])
+def test_a_third_effect_with_which_the_circuit_errs_clearly_more_is_not_named(error_percent, named):
+    """A cage of deep bars and a moist slot liner: a resonance of 2 uH beside them only lets the analyser err less."""
+    pair, third = ("rotor-cage", "dielectric-relaxation@Cf"), "second-resonance"
+    found = by_a_named_analyser(
+        model((), 5000.0, 10.6, 10.6, analyser_sigma=5.0),
+        model(pair[:1], 11600.0, 3.1, 3.1, analyser_sigma=9.0),
+        model(pair, 14010.0, 0.133, 0.132, analyser_sigma=34.0),
+        describes_all(model((*pair, third), 14250.0, error_percent, 0.0, analyser_sigma=2.2)),
+    )
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (len(judgement.named), judgement.accepted) == (named, True)
+
+
+def test_a_pair_is_named_before_the_closest_effect_if_the_likeliest_one_describes_nothing(healthy):
+    """A suppressor capacitor before a ferrite core: core loss alone is likelier than the capacitor alone, and leaves all of the error."""
+    pair = ("core-loss", "suppressor-capacitor")
+    found = by_a_named_analyser(
+        model((), 10850.0, 64.1, 64.1, analyser_sigma=80.0),
+        model(pair[:1], 13225.0, 64.1, 64.1, analyser_sigma=3440.0),
+        model(pair[1:], 12748.0, 2.36, 0.65, analyser_sigma=47.0),
+        model(pair, 13744.0, 1.23, 0.064, analyser_sigma=7.4),
+    )
+    found[()].fit.measurement.floors = (np.full(3, 0.3),)
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted, judgement.pair_is_better) == (pair, True, True)
+
+
+def test_where_no_set_is_accepted_one_with_usual_values_that_errs_alike_is_shown():
+    """Sections of a winding behind leads: a choke with values at their bounds is likelier than the leads, by e^32, and errs as much."""
+    spread = "distributed-winding"
+    usual = model((spread, "lead-inductance"), 6700.0, 0.83, 0.79, (), 28.0)
+    found = by_a_named_analyser(
+        model((), 0.0, 88.3, 88.3, (), 40.0),
+        model((spread,), 3700.0, 71.0, 70.0, (), 35.0),
+        usual,
+        model((spread, "suppressor-choke"), 6732.0, 0.83, 0.79, ("suppressor-choke.share",), 25.0),
+    )
+    found[()].fit.measurement.floors = (np.full(3, 0.01),)
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == (usual.added, True)
+
+
+def test_an_effect_at_a_bound_that_comes_as_close_is_told_as_family():
+    """A rod choke, of which all flux is in the ferrite at the bound: a resonant cell describes it as well."""
+    cell, choke = model(("second-resonance",), 7500.0, 2.66, 2.52, (), 14.0), model(("suppressor-choke",), 7570.0, 2.7, 2.59, (), 14.0)
+    choke.plausible = choke.ordinary = False
+    found = by_a_named_analyser(model((), 0.0, 81.2, 81.2, (), 80.0), cell, choke)
+    found[()].fit.measurement.floors = (np.full(3, 0.04),)
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    named = {judgement.named[0], *judgement.families[judgement.named[0]]}
+    assert judgement.accepted
+    assert named == {"second-resonance", "suppressor-choke"}
+
+
+def test_instead_of_unusual_values_the_likeliest_that_does_as_well_is_named():
+    """A bad short compensation: a capacitor of 413 pF is likelier, and so is a lead with which the analyser errs beyond its specification."""
+    residual = model(("short-residual",), 64.0, 0.65, 0.04)
+    residual.fit.explained = True
+    found = by_a_named_analyser(
+        model((), 0.0, 25.5, 20.3, (), 14.6),
+        describes_all(model(("suppressor-capacitor",), 100.0, 0.19, 0.0, ("suppressor-capacitor.capacitance_f",))),
+        model(("lead-inductance",), 95.0, 0.33, 0.2, (), 10.6),
+        residual,
+    )
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == (("short-residual",), True)
