@@ -989,3 +989,18 @@ def test_instead_of_unusual_values_the_likeliest_that_does_as_well_is_named():
     )
     judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
     assert (judgement.named, judgement.accepted) == (("short-residual",), True)
+
+
+@pytest.mark.parametrize(("error_percent", "named"), [(2.2, ("permeability-relaxation",)), (8.5, ("suppressor-capacitor", "permeability-relaxation"))])
+def test_of_an_analyser_without_a_name_a_pair_has_to_come_clearly_closer_than_one_effect(error_percent, named):
+    """A ferrite bead up to 3 GHz: assumed errors of 33 % make two pairs more probable by e^320 than the core alone, whose circuit errs less."""
+    core = "permeability-relaxation"
+    found = of(
+        model((), 0.0, 98.4, 98.3, analyser_sigma=258.0),
+        model((core,), 364.0, error_percent, 0.0, analyser_sigma=4.3),
+        describes_all(model(("suppressor-capacitor", "core-loss"), 692.0, 10.2, 0.0)),
+        describes_all(model(("suppressor-capacitor", core), 685.0, 3.8, 0.0)),
+    )
+    found[(core,)].fit.marginal.nothing_left = 0.87
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == (named, True)

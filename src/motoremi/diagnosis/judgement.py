@@ -901,12 +901,21 @@ def _of_the_closer_circuit(judgement: Judgement, together: float) -> Judgement:
     closer = {
         key: one
         for key, one in judgement.found.items()
-        if len(key) <= len(likeliest.added) and one.leaves_nothing and one.fit.rms_error_percent <= most_percent
+        if len(key) <= len(likeliest.added) and _describes_everything(one) and one.fit.rms_error_percent <= most_percent
     }
     if not closer:
         return judgement
+    # A further effect has to bring the circuit clearly closer: what it adds to the likelihood rests on the assumption too.
+    least = min(one.fit.rms_error_percent for one in closer.values())
+    size = min(len(key) for key, one in closer.items() if one.fit.rms_error_percent <= ALIKE * least)
+    closer = {key: one for key, one in closer.items() if len(key) <= size}
     other = dataclasses.replace(judgement, belief=believe({(): judgement.found[()], **closer}, together))
     return other if other.named and other.accepted else judgement
+
+
+def _describes_everything(one: Candidate) -> bool:
+    """Whether a model with ordinary values describes everything, with an analyser that errs by no more than twice what is assumed of it."""
+    return one.ordinary and one.fit.marginal.nothing_left >= 0.5 and one.fit.instrument_sigma <= BEYOND_SIGMA
 
 
 def _leaves_an_error(fit: Fit) -> bool:
