@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, get_args
 from xml.etree import ElementTree
 
@@ -26,7 +27,7 @@ from motoremi.fleet.statistics import fleet_figures
 from motoremi.report.overlay import LOOKS
 from motoremi.report.plots import SPECTRUM_LOOKS
 from motoremi.report.steps import UNITS, planned_steps
-from motoremi.report.words import described, findings_of, in_symbols, in_words, lag, mood_of, number, place_of
+from motoremi.report.words import described, findings_of, in_symbols, in_words, lag, mood_of, number, place_of, share_of_analyser, would_leave
 from motoremi.schema.procedure_steps import Check, Compensate, Final, JudgeStep, Scan, Wait
 from motoremi.schema.quantity_field import Quantity
 from motoremi.workbench.views import diagnosis as shown_on_the_page
@@ -257,3 +258,15 @@ def test_every_unit_of_a_step_is_one_that_the_bench_reads() -> None:
 def test_spectra_and_sessions_differ_without_colour() -> None:
     for looks in (SPECTRUM_LOOKS, LOOKS):
         assert len({str(style) for _, style in looks}) == len(looks) >= 8
+
+
+@pytest.mark.parametrize(("floor_percent", "said"), [(33.0, "leave 33 %, noise alone"), (200.0, "leave 200 % (more than the impedance itself")])
+def test_an_analyser_that_hardly_measures_the_impedance_is_told(floor_percent, said):
+    assert said in would_leave(floor_percent, 0.14)
+
+
+@pytest.mark.parametrize(("left_percent", "said"), [(5.73e-5, "subtracted less than 0.01 % (4.3 sigma"), (0.651, "subtracted 0.651 % (4.3 sigma")])
+def test_an_error_that_nobody_measures_has_no_digits(left_percent, said):
+    analyser = SimpleNamespace(ideal=False, named=False, name="unknown")
+    fit = SimpleNamespace(measurement=SimpleNamespace(analyser=analyser), corrected_error_percent=left_percent, analyser_sigma=4.3)
+    assert said in share_of_analyser(fit)

@@ -32,6 +32,8 @@ FAR = 1000
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Smaller values are shown as this one.
 FINEST_PERCENT = 0.01
+# An error that the analyser may make of the impedance itself: above it a circuit cannot be judged by its error.
+LARGEST_PERCENT = 100.0
 # ASCII units after a number, as in files, and the symbols shown for them.
 _SYMBOLS = (
     (re.compile(r"([\d.] ?[a-zA-Z]?)Ohm\b"), r"\1Ω"),
@@ -126,7 +128,8 @@ def described(left: Mapping[str, float]) -> str:
 
 def would_leave(floor_percent: float, noise_percent: float) -> str:
     """The error that a perfect model would leave."""
-    return f"noise and analyser would leave {percent(floor_percent, 2)}, noise alone {percent(noise_percent, 2)}"
+    beyond = " (more than the impedance itself: this analyser hardly measures it)" if floor_percent > LARGEST_PERCENT else ""
+    return f"noise and analyser would leave {percent(floor_percent, 2)}{beyond}, noise alone {percent(noise_percent, 2)}"
 
 
 def share_of_analyser(fit: Fit) -> str:
@@ -135,7 +138,9 @@ def share_of_analyser(fit: Fit) -> str:
     if analyser.ideal:
         return ""
     declared = f"the declared errors of a {analyser.name}" if analyser.named else "the errors expected of an unknown analyser"
-    return f"with the analyser's most likely error subtracted {percent(fit.corrected_error_percent)} ({fit.analyser_sigma:.1f} sigma of {declared})"
+    left = fit.corrected_error_percent
+    corrected = percent(left) if left >= FINEST_PERCENT else f"less than {percent(FINEST_PERCENT)}"
+    return f"with the analyser's most likely error subtracted {corrected} ({fit.analyser_sigma:.1f} sigma of {declared})"
 
 
 def beside_the_error(fit: Fit) -> tuple[str, ...]:
