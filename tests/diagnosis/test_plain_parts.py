@@ -13,6 +13,7 @@ from scipy.special import iv
 import motoremi as me
 from motoremi.data.analyser import find_analyser
 from motoremi.diagnosis.candidates import unusual_values
+from motoremi.diagnosis.diagnosis import _as_a_cable
 from motoremi.diagnosis.findings import of_the_analyser
 from motoremi.fitting.problem import fixture_parameters
 from motoremi.model.effects import add_effects
@@ -146,3 +147,17 @@ def test_two_terms_of_a_core_are_told_as_one_cause() -> None:
         found = me.diagnose(me.fit(me.dc_motor(), sweeps))
     assert found.effects == ("permeability-relaxation", "permeability-relaxation")
     assert "the 2 permeability-relaxation are terms of the permeability of one core, which is one cause" in found.reasons
+
+
+@pytest.mark.parametrize(
+    ("henry", "farad", "said"),
+    [
+        # An extension cable of 0.12 m behind the compensated plane; two wires far apart.
+        (33.08e-9, 12.15e-12, "a cable of 52.18 Ohm and about 0.13 m (634 ps) has both"),
+        (120e-9, 1e-12, ""),
+    ],
+)
+def test_a_lead_and_a_capacitance_at_the_terminals_may_be_a_short_cable(henry, farad, said):
+    fit = SimpleNamespace(parameters={"lead-inductance.inductance_h": henry, "terminal-capacitance.capacitance_f": farad})
+    assert "".join(_as_a_cable(("terminal-capacitance", "lead-inductance"), fit)).partition(": is one")[0] == said
+    assert _as_a_cable(("lead-inductance",), fit) == []

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, sqrt
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from motoremi.arrays import JsonDict, Progress
@@ -608,6 +608,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     return min(RELIABLE[kind] for kind in kinds) * (judgement.probability if named else 1.0)
 
 
+# Speed of waves on cables, two thirds of that of light (polyethylene and PVC).
+CABLE_M_PER_S = 2e8
 # What a device needs for an effect, in words.
 NEEDED: Mapping[Needs, str] = {"winding": "a winding", "core": "a core", "lossy insulation": "lossy insulation", "part": "such a further part"}
 # Causes of the verdict `instrument` that are no fault of analyser or fixture, by the effect that is named alone.
@@ -661,6 +663,7 @@ def _reasons(judgement: Judgement, verdict: Verdict, named: Key, families: Seque
         effect = f"the circuit's error from {percent(before)} to {percent(after)} {floor}{rest}"
     said = [f"adding {' and '.join(named)} takes {effect}"]
     said += _several_terms(named)
+    said += _as_a_cable(named, best)
     if verdict == "instrument":
         cause = _OF_THE_SETUP.get("".join(named), "the analyser or its fixture is beyond its specification")
         said.append(f"{cause}; the motor's circuit needs nothing")
@@ -719,6 +722,21 @@ def _several_terms(named: Key) -> list[str]:
     """That a law of a core which is named several times is one cause."""
     several = {name: number for name, number in Counter(named).items() if number > 1 and find_effect(name).effect.needs_a == "core"}
     return [f"the {number} {name} are terms of the permeability of one core, which is one cause" for name, number in several.items()]
+
+
+def _as_a_cable(named: Key, fit: Fit) -> list[str]:
+    """Which cable has the inductance and capacitance of leads and terminals, if any: below its resonance it is both."""
+    if set(named) != {"lead-inductance", "terminal-capacitance"}:
+        return []
+    henry, farad = fit.parameters["lead-inductance.inductance_h"], fit.parameters["terminal-capacitance.capacitance_f"]
+    wave_ohm, delay_s = sqrt(henry / farad), sqrt(henry * farad)
+    parameter = next(one for one in find_effect("supply-cable").effect.parameters if one.name == "wave_ohm")
+    assert parameter.usual is not None
+    low, high = parameter.usual
+    if not low <= wave_ohm <= high:
+        return []
+    cable = f"a cable of {show(wave_ohm, 'Ohm')} and about {delay_s * CABLE_M_PER_S:.2g} m ({show(delay_s, 's')})"
+    return [f"{cable} has both: is one behind the plane of the compensation?"]
 
 
 def _imitation(relaxing: Key) -> str:
