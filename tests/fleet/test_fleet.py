@@ -334,6 +334,15 @@ def test_each_motor_has_a_result_and_reasons():
     assert table.loc["line/m030", "Cf_f_from_golden_percent"] == pytest.approx(900, rel=0.2)
 
 
+def test_no_spreadsheet_takes_a_name_of_a_session_or_a_serial_number_for_a_formula():
+    results = story()
+    results[5]["session"], results[5]["serial"] = "=HYPERLINK(1)/m004", "@SUM(1)"
+    figures = fleet_figures(results, "golden/*")
+    for table in (motors_of(figures), table_of(figures)):
+        assert table.loc["'=HYPERLINK(1)/m004", "serial"] == "'@SUM(1)"
+        assert not [name for name in table.index if name.startswith("=")]
+
+
 def test_an_error_within_what_the_analyser_leaves_is_none_of_the_motor():
     results = story()
     for result, floor in ((results[4], 1.0), (results[8], 0.1)):

@@ -53,3 +53,9 @@ def clean_value(value: Any) -> Any:
 def without_accents(text: str) -> str:
     """A text with plain letters, for comparison."""
     return "".join(letter for letter in unicodedata.normalize("NFD", text) if not unicodedata.combining(letter))
+
+
+def in_a_cell(text: str) -> str:
+    """Text from outside, escaped so that no spreadsheet reads it as a formula."""
+    shown = clean_text(text)
+    return f"'{shown}" if shown.lstrip()[:1] in tuple("=+-@") else shown

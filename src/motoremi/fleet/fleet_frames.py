@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from motoremi.arrays import JsonDict
 from motoremi.data.plain import object_from_json
+from motoremi.data.text import in_a_cell
 from motoremi.errors import BadInput
 from motoremi.fleet.limits import parse_tolerances
 from motoremi.fleet.run import FIGURES, RESULTS, stored_results
@@ -88,19 +89,29 @@ def frames_of(figures: JsonDict) -> dict[str, pd.DataFrame]:
 
 
 def table_of(figures: JsonDict) -> pd.DataFrame:
-    """Values, standard deviations and deviations in one table: `Ra_ohm`, after it `Ra_ohm_sigma` and `Ra_ohm_from_golden_percent`, and so on."""
+    """Values, standard deviations and deviations in one table: `Ra_ohm`, after it `Ra_ohm_sigma` and `Ra_ohm_from_golden_percent`, and so on.
+
+    Names of sessions and serial numbers are escaped for spreadsheets.
+    """
     frames = frames_of(figures)
     table, beside = frames["values"], {"_sigma": frames["sigma"], "_from_golden_percent": frames["from_golden"]}
     order = [title for name in table for title in (name, *(f"{name}{ending}" for ending, frame in beside.items() if name in frame))]
     for ending, frame in beside.items():
         table = table.join(frame.add_suffix(ending))
-    return table[order]
+    return _for_spreadsheets(table[order])
 
 
 def motors_of(figures: JsonDict) -> pd.DataFrame:
-    """Serial number, result and reasons of each session, as text."""
+    """Serial number, result and reasons of each session, as text; escaped for spreadsheets."""
     motors = frames_of(figures)["motors"]
-    return motors.assign(reasons=motors["reasons"].map("; ".join))
+    return _for_spreadsheets(motors.assign(reasons=motors["reasons"].map("; ".join)))
+
+
+def _for_spreadsheets(table: pd.DataFrame) -> pd.DataFrame:
+    """The same with text from outside, names of sessions and serial numbers, escaped (`in_a_cell`)."""
+    outside = [name for name in ("serial", "reasons") if name in table]
+    escaped = table.assign(**{name: table[name].map(in_a_cell, na_action="ignore") for name in outside})
+    return escaped.rename(index=in_a_cell)
 
 
 def _title(name: str, unit: str) -> str:

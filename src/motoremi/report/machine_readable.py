@@ -7,7 +7,7 @@ import io
 
 from motoremi.arrays import JsonDict
 from motoremi.data.plain import to_page
-from motoremi.data.text import clean_text
+from motoremi.data.text import in_a_cell
 from motoremi.quantities import percent_span
 from motoremi.report.contents import Report
 from motoremi.report.words import levels_of
@@ -39,12 +39,6 @@ def issued(data: JsonDict) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _cell(text: str) -> str:
-    """Text from outside, escaped so that no spreadsheet reads it as a formula."""
-    shown = clean_text(text)
-    return f"'{shown}" if shown.lstrip()[:1] in tuple("=+-@") else shown
-
-
 def _note(entry: JsonDict, held: bool) -> str:
     if held:
         return "held"
@@ -63,7 +57,7 @@ def render_csv(report: Report) -> str:
     writer.writerow(COLUMNS)
     for name, text in issued(report.data):
         if text:
-            writer.writerow(("report", "", name, "", "", "", _cell(text)))
+            writer.writerow(("report", "", name, "", "", "", in_a_cell(text)))
     for number, step in enumerate(report.data["ladder"]):
         for name, entry in step["parameters"].items():
             sigma = "" if entry["sigma"] is None else repr(entry["sigma"])

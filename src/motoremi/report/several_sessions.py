@@ -12,6 +12,7 @@ from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.kernels import interpolated
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import RepeatedSweep
+from motoremi.data.text import in_a_cell
 from motoremi.errors import BadInput
 from motoremi.inspection.compare import bands_over, compare
 from motoremi.quantities import error_bar, percent, show, show_band
@@ -122,7 +123,7 @@ def _render_csv(report: Report) -> str:
         for one in parameter["sessions"]:
             numbers = [one[key] for key in ("value", "sigma", "change_percent", "change_in_error_bars")]
             value, *others = ("" if number is None else repr(number) for number in numbers)
-            writer.writerow((one["session"], parameter["name"], value, parameter["unit"], *others))
+            writer.writerow((in_a_cell(one["session"]), parameter["name"], value, parameter["unit"], *others))
     return buffer.getvalue()
 
 
