@@ -59,6 +59,8 @@ NEXT_TO_ALL = 0.02
 # of five motors was found, left 1/186 to 1/111 of the undescribed part and was not named, since the analyser would have had to err beyond its
 # specification; two of them need unusual values and stay unnamed. Of eleven motors with a cause outside the catalogue no set left less than 1/34.
 HARDLY_ANYTHING = 0.01
+# So many laws of which each describes what one effect leaves show only that its own law is approximate.
+FLEXIBLE_LAWS = 3
 # Families of effects that are losses of one element each.
 LOSSES = ("winding-loss", "insulation")
 # Circuits whose errors differ by less than this factor are about equally good.
@@ -157,10 +159,10 @@ class Judgement:
     def _adds_at_the_floor(self, under: Candidate, model: Candidate) -> bool:
         """Whether a further effect adds nothing to a circuit that errs by no more than noise and specification would leave.
 
-        If one effect describes nearly all that was missing, the rest is as small as laws of real materials are inexact: a steel sleeve as a ladder
-        left 0.24 % of 12 %, and any of six effects beside the cage described that, with odds of e^370. Then the second one has to bring the circuit
-        clearly closer. A third one is not needed if with it the circuit errs clearly more: beside a cage of deep bars and a moist slot liner a
-        resonance took the error from 0.13 to 0.20 %, and only the analyser erred less.
+        If one effect describes nearly all that was missing, and any of several ones the rest, that is as small as laws of real materials are
+        inexact: a steel sleeve as a ladder left 0.24 % of 12 %, and four effects beside the cage described that, with odds of e^370. Then the
+        second one has to bring the circuit clearly closer. A third one is not needed if with it the circuit errs clearly more: beside a cage of
+        deep bars and a moist slot liner a resonance took the error from 0.13 to 0.20 %, and only the analyser erred less.
         """
         fit, further = under.fit, Counter(model.added) - Counter(under.added)
         if not under.added or not further or Counter(under.added) - Counter(model.added) or of_the_analyser_alone(tuple(further)):
@@ -168,9 +170,21 @@ class Judgement:
         # The errors of a network analyser may be a large part of Z, so that those of circuits say less.
         if under.unusual or fit.measurement.analyser.by_waves or fit.rms_error_percent > fit.floor_percent:
             return False
+        if fit.unexplained_percent["value"] > NEARLY_ALL * self.base.unexplained_percent["value"]:
+            return False
         change = model.fit.rms_error_percent / fit.rms_error_percent
-        adds_nothing = change > 1 / NEARLY_ALIKE if len(under.added) == 1 else change >= NEARLY_ALIKE
-        return adds_nothing and fit.unexplained_percent["value"] <= NEARLY_ALL * self.base.unexplained_percent["value"]
+        if len(under.added) > 1:
+            return change >= NEARLY_ALIKE
+        return change > 1 / NEARLY_ALIKE and self._laws_beside(under) >= FLEXIBLE_LAWS
+
+    def _laws_beside(self, one: Candidate) -> int:
+        """Number of different laws of which each describes the data about as well as the best one beside a set."""
+        larger = [other for other in self.found.values() if len(other.added) == len(one.added) + 1]
+        further = {
+            name: other for other in larger if not Counter(one.added) - Counter(other.added) for name in Counter(other.added) - Counter(one.added)
+        }
+        least = max((other.score for other in further.values()), default=0.0) - CONTENDING
+        return len({find_effect(name).effect.formula for name, other in further.items() if other.score >= least})
 
     def _corrects_a_loss(self, under: Candidate, model: Candidate) -> bool:
         """Whether a further effect only corrects a loss of a smaller model: it is another loss of the same element, or two are in place of one.
@@ -246,9 +260,11 @@ class Judgement:
         # The large errors of a network analyser can describe all that an effect does, so nothing may remain without it; then the odds decide.
         if before.marginal.nothing_left >= 0.5:
             return enough and by_waves
-        # A network analyser is most sensitive at its reference resistance: an error that is small there may be large elsewhere.
+        # A network analyser is most sensitive at its reference resistance: an error that is small there may be large elsewhere. Less than what counts
+        # has to show in the circuit: of a sound motor with flicker a coupling took 0.02 % to nothing, and its circuit erred more than without it.
         left = before.unexplained_percent["value"]
-        seen = left > before.measurement.good_enough_percent or by_waves or (self.best.leaves_nothing and self.gain > CLEAR_GAIN)
+        closer = self.best.fit.rms_error_percent < before.rms_error_percent
+        seen = left > before.measurement.good_enough_percent or by_waves or (self.best.leaves_nothing and self.gain > CLEAR_GAIN and closer)
         # If little remains compared with the analyser's error, halving it proves nothing: half may be fine structure of that error.
         halved = acceptance_of(before, before) == "not" and self.best.fit.unexplained_percent["value"] <= HALF * left
         return seen and (self.gain > CLEAR_GAIN or enough or halved)
