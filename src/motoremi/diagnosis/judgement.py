@@ -260,8 +260,8 @@ class Judgement:
         # The large errors of a network analyser can describe all that an effect does, so nothing may remain without it; then the odds decide.
         if before.marginal.nothing_left >= 0.5:
             return enough and by_waves
-        # A network analyser is most sensitive at its reference resistance: an error that is small there may be large elsewhere. Less than what counts
-        # has to show in the circuit: of a sound motor with flicker a coupling took 0.02 % to nothing, and its circuit erred more than without it.
+        # A network analyser is most sensitive at its reference resistance: an error that is small there may be large elsewhere. What is less than
+        # counts has to show in the circuit: of a sound motor with flicker a coupling took 0.02 % to nothing, and the circuit erred more.
         left = before.unexplained_percent["value"]
         closer = self.best.fit.rms_error_percent < before.rms_error_percent
         seen = left > before.measurement.good_enough_percent or by_waves or (self.best.leaves_nothing and self.gain > CLEAR_GAIN and closer)
