@@ -1017,3 +1017,18 @@ def test_less_than_what_counts_is_named_only_if_the_circuit_comes_closer(error_p
     coupled = describes_all(model(("field-coupling",), 81.0, error_percent, 0.0, analyser_sigma=2.1))
     found = by_a_named_analyser(model((), 0.0, 0.302, 0.02, analyser_sigma=2.0), coupled)
     assert decided(found[()].fit, found).named == named  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("sigma", "named"), [(70.8, "supply-cable"), (6.6, "second-resonance")])
+def test_an_effect_with_errors_far_beyond_the_specification_gives_way_to_one_without(sigma, named):
+    """A shorted cable of 0.3 m on a NanoVNA; up to four times its specification a network analyser may err."""
+    found = by_a_named_analyser(
+        model((), 851.0, 1469.0, 876.0, analyser_sigma=40.5),
+        model(("second-resonance",), 934.7, 37.9, 36.3, analyser_sigma=sigma),
+        describes_all(model(("supply-cable",), 924.9, 56.9, 0.0, analyser_sigma=1.4)),
+    )
+    found[("second-resonance",)].fit.marginal.nothing_left = 0.82
+    for one in found.values():
+        one.fit.measurement.analyser.by_waves, one.fit.floor_percent = True, 32.6
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == ((named,), True)

@@ -23,6 +23,7 @@ from typer.testing import CliRunner
 import motoremi as me
 from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter
+from motoremi.data.storage import AppendFile, StorageError
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.fleet import run as fleet_run
 from motoremi.fleet.fleet_frames import motors_of, table_of
@@ -332,6 +333,22 @@ def test_each_motor_has_a_result_and_reasons():
     table = table_of(figures)
     assert motors_of(figures).loc["line/cut"].tolist() == ["", "no result", "the file is cut off"]
     assert table.loc["line/m030", "Cf_f_from_golden_percent"] == pytest.approx(900, rel=0.2)
+
+
+def test_a_second_run_on_the_same_folder_changes_nothing_while_the_first_one_writes(folder, tmp_path):
+    jobs = jobs_in(folder)
+    log = tmp_path / RESULTS
+    first = AppendFile(log, new=True)
+    first.lock()
+    # In the middle of a line, which is not torn but not yet complete.
+    log.write_bytes(b'{"session": "a", ')
+    with pytest.raises(StorageError, match="another process is writing to it"):
+        run_fleet(jobs, tmp_path, Serial())
+    assert log.read_bytes() == b'{"session": "a", '
+    first.close()
+    # Its process has ended: the line stays incomplete, is cut off, and everything is computed.
+    assert run_fleet(jobs, tmp_path, Serial()) == len(jobs)
+    assert len(list(stored_results(log))) == len(jobs)
 
 
 def test_no_spreadsheet_takes_a_name_of_a_session_or_a_serial_number_for_a_formula():

@@ -162,7 +162,7 @@ class AppendFile:
         try:
             _lock(self._descriptor)
         except OSError as error:
-            raise StorageError(f"{self.path.parent}: another process is writing this session; wait for it") from error
+            raise StorageError(f"{self.path.parent}: another process is writing to it; wait for it") from error
 
     def close(self) -> None:
         """Close the file and release the lock."""

@@ -698,15 +698,15 @@ def _enough(one: Candidate) -> bool:
     Another effect at the same place would then only correct their laws, which are never exactly those of the motor: a choke of two materials and a
     loss angle that is not quite constant left 0.03 to 0.04 %, with odds of e^165 and more for a second effect.
     """
-    fit = one.fit
-    described = bool(one.added) and one.ordinary and fit.explained
-    # Something may be missing that was attributed to the analyser's errors or to its fixture, as a lead of 400 nH was.
-    return described and fit.instrument_sigma <= ALLOWED_SIGMA
+    return bool(one.added) and one.ordinary and _as_asked_for(one)
 
 
-def _is_ordinary_enough(one: Candidate) -> bool:
-    """Whether a model with ordinary values does as well as asked for, with the analyser and its fixture about as good as specified."""
-    return one.ordinary and one.fit.explained and one.fit.instrument_sigma <= ALLOWED_SIGMA
+def _as_asked_for(one: Candidate) -> bool:
+    """Whether a model does as well as asked for, with the analyser and its fixture about as good as specified.
+
+    Otherwise something may be missing that was attributed to the analyser's errors or to its fixture, as a lead of 400 nH was.
+    """
+    return one.fit.explained and one.fit.instrument_sigma <= ALLOWED_SIGMA
 
 
 def _leaves_less(before: Candidate, after: Candidate) -> bool:
@@ -957,18 +957,23 @@ def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
     """The judgement among the sets with usual values, if the most probable set has unusual ones and one of the others does as well.
 
     If an error remains, the laws are approximate and likelihood ratios mean little, so usual values decide. A set that describes everything
-    with unusual values, or with one at a physical bound, is replaced by one of its size that does as well as asked for with ordinary values,
-    unless the odds against it are clear.
+    with unusual values, with one at a physical bound or with errors of the analyser far beyond its specification is replaced by one of its
+    size that does as well as asked for with ordinary values and the analyser within its specification, unless the odds against it are clear.
     """
     likeliest = judgement.model
     leaves_nothing = likeliest.fit.marginal.nothing_left >= 0.5
-    usual = {key for key, one in judgement.found.items() if (not key or _is_ordinary_enough(one) if leaves_nothing else not one.unusual)}
-    if not likeliest.added or tuple(sorted(likeliest.added)) in usual:
+    usual = {key for key, one in judgement.found.items() if (one.ordinary if leaves_nothing else not one.unusual)}
+    # Errors of the analyser far beyond its specification are as unusual as a value: of a shorted cable of 0.3 m on a NanoVNA a resonance was more
+    # probable than the cable, by e^10, with 24 times the specification.
+    excessive = leaves_nothing and judgement.beyond_specification
+    if not likeliest.added or (tuple(sorted(likeliest.added)) in usual and not excessive):
         return judgement
     own_size = len(likeliest.added)
-    if leaves_nothing and own_size == 1 and any((name,) in usual for name in judgement.families[likeliest.effect]):
+    if leaves_nothing and not excessive and own_size == 1 and any((name,) in usual for name in judgement.families[likeliest.effect]):
         # Its family, which is told, has an effect with usual values.
         return judgement
+    if leaves_nothing:
+        usual = {key for key in usual if not key or _as_asked_for(judgement.found[key])}
     for size in range(own_size, own_size + 1 if leaves_nothing else BUDGET.most_effects + 1):
         found = {key: one for key, one in judgement.found.items() if key in usual and len(key) <= size}
         other = dataclasses.replace(judgement, belief=believe(found, together))

@@ -17,7 +17,7 @@ from typing import Any
 from motoremi.arrays import JsonDict, Progress
 from motoremi.data.paths import SESSION
 from motoremi.data.plain import object_from_json
-from motoremi.data.storage import AppendFile, write_whole
+from motoremi.data.storage import AppendFile
 from motoremi.errors import BadInput, InstrumentError
 from motoremi.export.extras import needs
 from motoremi.fleet.work import Job, work
@@ -58,11 +58,12 @@ def run_fleet(jobs: Sequence[Job], out: Path, executor: ExecutorMaker, progress:
     """
     out.mkdir(parents=True, exist_ok=True)
     log = out / RESULTS
-    waiting = _pending(jobs, log)
-    total, done = len(jobs), len(jobs) - len(waiting)
     file = AppendFile(log, new=not log.exists())
     try:
+        # Before anything is read or cut off: another run may be writing.
         file.lock()
+        waiting = _pending(jobs, log)
+        total, done = len(jobs), len(jobs) - len(waiting)
         for result in _computed(waiting, executor):
             file.append(json.dumps(result, allow_nan=False, sort_keys=True), sync=True)
             done += 1
@@ -112,8 +113,10 @@ def settled(jobs: Sequence[Job], log: Path) -> Iterator[JsonDict]:
 
 
 def _drop_torn_line(log: Path) -> None:
-    if log.exists() and (data := log.read_bytes()) and not data.endswith(b"\n"):
-        write_whole(log, data[: data.rfind(b"\n") + 1])
+    """Cut off an incomplete last line, in place: whoever has the file open and locked goes on writing to the same one."""
+    data = log.read_bytes()
+    if data and not data.endswith(b"\n"):
+        os.truncate(log, data.rfind(b"\n") + 1)
 
 
 class ExecutorMaker:
