@@ -175,19 +175,24 @@ def _swap_as_well(board: Board[M], found: dict[Key, M], size: int, budget: Budge
                 _take(found, board.swapped(model, old, other))
 
 
+def beside(key: Sequence[str], found: Iterable[Key]) -> dict[str, Key]:
+    """Effects, each with the set that was found with it as the only further one beside some others."""
+    further: dict[str, Key] = {}
+    for other in found:
+        left = list(other)
+        for name in key:
+            if name in left:
+                left.remove(name)
+        if len(other) == len(key) + 1 and len(left) == 1:
+            further[left[0]] = other
+    return further
+
+
 def in_place_of(effect: str, key: Sequence[str], found: Iterable[Key]) -> dict[str, Key]:
     """Other effects, each with the set that was found with it in the place of one effect of a set."""
     rest = list(key)
     rest.remove(effect)
-    others: dict[str, Key] = {}
-    for other in found:
-        left = list(other)
-        for name in rest:
-            if name in left:
-                left.remove(name)
-        if len(other) == len(key) and len(left) == 1 and left[0] != effect:
-            others[left[0]] = other
-    return others
+    return {name: other for name, other in beside(rest, found).items() if name != effect}
 
 
 def ranked(found: Mapping[Key, M], size: int) -> list[M]:

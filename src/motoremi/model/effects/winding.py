@@ -319,6 +319,7 @@ EFFECTS = (
         parameters=(
             Parameter("coupling", "", 0.003, 0.999, "0 - 0.3 with crossed axes, 0.9 for series windings, more on one core", usual=(0.02, 0.5)),
             Parameter("resonance_hz", "Hz", 1e4, 60e6, "self-resonance of the other winding"),
+            # An open field winding of 26 mH has a quality of 58 (independent generator).
             Parameter("quality", "", 0.05, 200.0, "a shorted damper to a free winding, which rings", usual=(1.0, 100.0)),
             Parameter(
                 "across_share",
