@@ -8,7 +8,7 @@ from conftest import FREQUENCY_HZ, simulated_sweeps
 
 import motoremi as me
 from motoremi.data.measurement import Measurement
-from motoremi.diagnosis.whole_machine import added_near
+from motoremi.diagnosis.whole_machine import added_near, added_together
 from motoremi.fitting.band_scaling import bands, scaled_ranges, scaled_starts
 from motoremi.model.effects import catalogue, find_effect
 from motoremi.simulate.simulated_motor import SimulatedMotor
@@ -93,3 +93,18 @@ def test_effects_added_together_have_the_ranges_of_each_alone():
         alone = scaled_ranges(find_effect(name).effect, name, fit.measurement)
         assert alone
         assert alone.items() <= together.items()
+
+
+@pytest.mark.slow
+def test_effects_added_together_are_found_in_another_band():
+    """A capacitor of 190 uF with a contact resistance behind a cable, 10 Hz - 50 kHz: its start value lay a million times lower."""
+    frequency_hz = np.geomspace(10.0, 50e3, 101)
+    s = 2j * np.pi * frequency_hz
+    capacitor_ohm = 2.5 + 1 / (s * 190e-6)
+    wave_ohm, delay_s, end = 50.0, 66e-9, 0.02
+    behind_a_cable = end + wave_ohm * (capacitor_ohm + wave_ohm * np.tanh(s * delay_s)) / (wave_ohm + capacitor_ohm * np.tanh(s * delay_s))
+    noise = 1e-4 * np.random.default_rng(3).normal(size=(2, len(s))).T @ [1, 1j]
+    fit = me.fit(me.dc_motor(), [me.ImpedanceSweep("short", frequency_hz, behind_a_cable * (1 + noise))])
+    steps = added_together(fit, ("supply-cable", "contact-resistance", "terminal-capacitance"))
+    assert steps[-1].rms_error_percent < 0.2
+    assert steps[-1].rms_error_percent <= steps[-2].rms_error_percent

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, Effects, candidate, own_labels, possible_effects
 from motoremi.diagnosis.ladder_step import further
-from motoremi.diagnosis.whole_machine import by_need, falling, nearest
+from motoremi.diagnosis.whole_machine import by_need, falling, in_wider_ranges, nearest
 from motoremi.fitting.fit import MODES, on_all_points
 from motoremi.fitting.race import Trail
 from motoremi.fitting.result import Fit
@@ -57,6 +57,7 @@ def added_with_modes(base: Fit, names: Effects, each: Map = map, progress: Progr
     BadInput
         If an effect is unknown, cannot be added, or is given twice.
     """
+    base = in_wider_ranges(base, names)
     best = _least(_beginnings(base, names, each), each, progress)
     return [*falling(base, [*each(on_all_points, best.fewer), best.steps[0]]), *best.steps[1:]]
 

@@ -15,8 +15,8 @@ import numpy as np
 from motoremi.arrays import Progress
 from motoremi.data.covariance import Sizes
 from motoremi.diagnosis.candidates import Candidate, Effects, candidate, possible_effects, prior_of_set
-from motoremi.fitting.band_scaling import scaled_ranges
-from motoremi.fitting.fit import on_all_points, trail_to
+from motoremi.fitting.band_scaling import bands, scale_factors, scaled_ranges
+from motoremi.fitting.fit import better_than, on_all_points, trail_to
 from motoremi.fitting.race import ALL, Round, Rounds, Trail, race, raced_alone
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Solution, Task
@@ -64,7 +64,7 @@ def whole_machine(base: Fit, each: Map = map, progress: Progress | None = None, 
     possible = set(possible_effects(base)) - set(base.effects)
     ordinary = [name for name in (*ALWAYS, *(row[0] for row in LOSSES)) if name in possible]
     sets = {tuple(name for name in (*ordinary, *further) if name in possible) for further in product(WINDING, BUILT_IN)}
-    trails = {names: _scattered(base, names) for names in sorted(sets)}
+    trails = {names: _scattered(base, names, [{}]) for names in sorted(sets)}
     reached = race(trails, WHOLE, (), progress, each).reached
     best_sets = sorted(reached, key=lambda names: reached[names].best)[:FINISHED]
     leading = [_by_evidence([_near(base, names, start) for start in reached[names].starts], each)[0] for names in best_sets]
@@ -82,10 +82,15 @@ def _error_percent(trail: Trail, solution: Solution) -> float:
     return float(100 * np.sqrt(relative.objective(relative.vector(solution.values)) / relative.size))
 
 
-def _scattered(base: Fit, names: Effects) -> Trail:
-    """All effects at once, from start values drawn around those computed from the data, near and far."""
-    motor = add_effects(base.motor, names)
-    rng = np.random.default_rng(len(names))
+def _scattered(base: Fit, names: Effects, factors: Sequence[Mapping[str, float]]) -> Trail:
+    """All effects at once, from start values drawn around those computed from the data, near and far.
+
+    Parameters
+    ----------
+    factors : sequence of mapping
+        Of parameters by name: what is drawn from their ranges is scaled by one of these.
+    """
+    task, rng = _task(base, names), np.random.default_rng(len(names))
     places = [*base_starts({**base.parameters, **base.search_parameters}, base.measurement.coarse, few=False)]
     places += [dict(start) for name in names if find_effect(name).effect.reader for start in trail_to(base, name).starts]
     starts: list[Mapping[str, float]] = []
@@ -93,9 +98,16 @@ def _scattered(base: Fit, names: Effects) -> Trail:
         spread = SPREADS[index % len(SPREADS)]
         place = places[index // len(SPREADS) % len(places)]
         values = {name: value * float(np.exp(spread * rng.standard_normal())) for name, value in place.items()}
-        added = [p for p in motor.parameters if p.name not in values and p.name not in base.held]
-        starts.append({**values, **{p.name: _drawn(p, rng) for p in added}})
-    return Trail(Task(motor, base.measurement, base.bounds, base.held), starts, 1, base.sizes)
+        added = [p for p in task.motor.parameters if p.name not in values and p.name not in base.held]
+        factor = factors[rng.integers(len(factors))]
+        starts.append({**values, **{p.name: factor.get(p.name, 1.0) * _drawn(p, rng) for p in added}})
+    return Trail(task, starts, 1, base.sizes)
+
+
+def _task(base: Fit, names: Effects) -> Task:
+    motor = add_effects(base.motor, names)
+    own = {p.name for p in motor.parameters}
+    return Task(motor, base.measurement, {name: range_ for name, range_ in base.bounds.items() if name in own}, base.held)
 
 
 def _drawn(parameter: Parameter, rng: np.random.Generator) -> float:
@@ -125,36 +137,53 @@ def _with_likeliest_losses(base: Fit, found: tuple[Trail, Solution], possible: C
 
 
 def added_together(base: Fit, names: Effects, each: Map = map) -> list[Fit]:
-    """Several effects added to a fit at once, as `steps_to` them.
+    """Several effects added to a fit at once, as steps of one effect each, in the order of `by_need`.
 
     Raises
     ------
     BadInput
         If an effect is unknown, cannot be added, or is given twice.
     """
-    *fewer, last = steps_to(base, nearest(base, names, each)[0], each)
-    return [*falling(base, fewer), last]
+    base = in_wider_ranges(base, names)
+    return falling(base, list(each(on_all_points, by_need(base, nearest(base, names, each)[0], each))))
+
+
+def in_wider_ranges(base: Fit, names: Effects) -> Fit:
+    """A fit with the ranges in which each of these effects is sought alone: those of a sweep in another band are wider than the catalogue's."""
+    wider, motor = dict[str, tuple[float, float]](), base.motor
+    for added in map(find_effect, names):
+        wider |= scaled_ranges(added.effect, added.label_in(motor), base.measurement)
+        motor = added.added_to(motor)
+    return dataclasses.replace(base, bounds={**wider, **base.bounds})
+
+
+def _factors(base: Fit, names: Effects) -> list[dict[str, float]]:
+    """By which the effects' parameters are scaled in the catalogue's own band and in each of the measurement, by their names."""
+    found: list[dict[str, float]] = [{} for _ in bands(base.measurement)]
+    motor = base.motor
+    for added in map(find_effect, names):
+        label, motor = added.label_in(motor), added.added_to(motor)
+        for factor, scaled in zip(found, scale_factors(added.effect, base.measurement), strict=True):
+            factor |= {f"{label}.{name}": value for name, value in scaled.items()}
+    return [factor for at, factor in enumerate([{}, *found]) if at == 0 or set(factor.values()) - {1.0}]
 
 
 def falling(base: Fit, steps: Sequence[Fit]) -> list[Fit]:
-    """The same steps; one that errs more than the step before, since the values of all effects together do not suit fewer, is fitted anew."""
+    """The same steps; one that errs more than the step before is fitted anew from that, and the better of both fits is kept.
+
+    The values of all effects together do not suit fewer, and a search for all at once may miss what the step before had found.
+    """
     done = [base]
     for step in steps:
-        done.append(step if step.rms_error_percent <= done[-1].rms_error_percent else done[-1].add(step.effects[-1]))
+        again = None if step.rms_error_percent <= done[-1].rms_error_percent else done[-1].add(step.effects[-1])
+        done.append(step if again is None or not better_than(step, again) else again)
     return done[1:]
 
 
 def added_near(base: Fit, names: Effects, values: Mapping[str, float], each: Map = map) -> list[Fit]:
-    """Effects added in this order, as steps of one each, from the values that they have together, in the ranges in which each is sought alone."""
-    wider, motor = dict[str, tuple[float, float]](), base.motor
-    trails = []
-    for number, added in enumerate(map(find_effect, names), start=1):
-        wider |= scaled_ranges(added.effect, added.label_in(motor), base.measurement)
-        motor = added.added_to(motor)
-        near = _near(base, names[:number], values)
-        trails.append(dataclasses.replace(near, task=dataclasses.replace(near.task, bounds={**wider, **base.bounds})))
-    *fewer, last = each(_fitted_near, [(base, trail) for trail in trails])
-    return [*falling(base, fewer), last]
+    """Effects added in this order, as steps of one each, from the values that they have together."""
+    base = in_wider_ranges(base, names)
+    return falling(base, list(each(_fitted_near, [(base, _near(base, names[: at + 1], values)) for at in range(len(names))])))
 
 
 def _fitted_near(job: tuple[Fit, Trail]) -> Fit:
@@ -165,7 +194,7 @@ def _fitted_near(job: tuple[Fit, Trail]) -> Fit:
 def nearest(base: Fit, names: Effects, each: Map = map) -> list[tuple[Trail, Solution]]:
     """Where several effects together may be fitted best, the best first; their order makes no difference."""
     names = tuple(sorted(names))
-    reached = race({names: _scattered(base, names)}, WHOLE, each=each).reached[names]
+    reached = race({names: _scattered(base, names, _factors(base, names))}, WHOLE, each=each).reached[names]
     return _by_evidence([_near(base, names, start) for start in reached.starts], each)
 
 
@@ -174,13 +203,8 @@ def _by_evidence(trails: Sequence[Trail], each: Map) -> list[tuple[Trail, Soluti
     return sorted(zip(trails, each(raced_alone, trails), strict=True), key=lambda found: -found[1].log_evidence)
 
 
-def steps_to(base: Fit, found: tuple[Trail, Solution], each: Map = map) -> list[Fit]:
-    """The model with all effects of a trail, from its end, as steps of one effect each, in the order of `by_need`."""
-    return list(each(on_all_points, by_need(base, found, each)))
-
-
 def by_need(base: Fit, found: tuple[Trail, Solution], each: Map = map) -> list[tuple[Trail, Solution, Fit]]:
-    """What `on_all_points` takes for each of these steps: at every one the effect without which the rest does best comes last."""
+    """What `on_all_points` takes for steps of one effect each; the last of every step is that without which the rest does best."""
     path = [found]
     while len(_names(base, path[-1][0])) > 1:
         path.append(_without_one(base, *path[-1], each))
@@ -220,4 +244,4 @@ def _names(base: Fit, trail: Trail) -> Effects:
 
 def _near(base: Fit, names: Effects, values: Mapping[str, float]) -> Trail:
     """These effects, from the values of a solution with more of them or others."""
-    return Trail(Task(add_effects(base.motor, names), base.measurement, base.bounds, base.held), [values], 1, NEARLY_ALL)
+    return Trail(_task(base, names), [values], 1, NEARLY_ALL)

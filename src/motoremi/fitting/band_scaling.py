@@ -72,6 +72,12 @@ def _scales(effect: Effect, parameter: Parameter) -> bool:
     return effect.group != "instrument" and parameter.scale == "log" and parameter.vary
 
 
+def scale_factors(effect: Effect, measurement: Measurement) -> list[dict[str, float]]:
+    """For each band of a measurement, by which those parameters of an effect that are scaled are scaled there, by their short names."""
+    scaling = [p for p in effect.parameters if _scales(effect, p)]
+    return [{p.name: band.factor(p.unit) for p in scaling} for band in bands(measurement)]
+
+
 def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[Any, float]]:
     """An effect's start values for each band of a measurement, SI units."""
     units: dict[Any, str] = {p.name: p.unit for p in effect.parameters if _scales(effect, p)}
@@ -91,8 +97,8 @@ def scaled_ranges(effect: Effect, label: str, measurement: Measurement) -> dict[
     if effect.kin == "suppressor":
         return found
     for parameter in effect.parameters:
-        factors = [band.factor(parameter.unit) for band in bands(measurement)] if _scales(effect, parameter) else [1.0]
-        low, high = parameter.low * min(1.0, *factors, 1.0), parameter.high * max(1.0, *factors, 1.0)
+        factors = [factor.get(parameter.name, 1.0) for factor in scale_factors(effect, measurement)]
+        low, high = parameter.low * min(1.0, *factors), parameter.high * max(1.0, *factors)
         if (low, high) != (parameter.low, parameter.high):
             found[f"{label}.{parameter.name}"] = (low, high)
     return found

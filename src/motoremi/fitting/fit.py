@@ -482,7 +482,7 @@ def _in_its_place(fitted: Fit, effect: str, before: Motor) -> Fit:
     start = {**fitted.nuisance, **{name: other[own.get(name, name)] for name in fitted.parameters}, **fitted.held}
     solution = arrived_on_all(fitted.task, [start])
     result = summarise(fitted.task, Found(solution, fitted.history, _searched(fitted.task, solution)), fitted.method, fitted.seed)
-    return result if _better_than(fitted, result) else fitted
+    return result if better_than(fitted, result) else fitted
 
 
 def _shown(fit: Fit, names: Sequence[str]) -> Fit:
@@ -681,7 +681,7 @@ def also_from(fitted: Fit, known: Iterable[Known], held: Mapping[str, float] | N
     """
     for one in known:
         found = _unless_the_same(one.fit, _from_known(fitted, one, held or {}), fitted)
-        if found is not None and _better_than(fitted, found):
+        if found is not None and better_than(fitted, found):
             fitted = found
     return fitted
 
@@ -690,7 +690,7 @@ def _unless_the_same(stored: Fit | None, found: Fit | None, fitted: Fit) -> Fit 
     """What was found from a stored fit, or that fit itself where nothing is gained: fits that are repeated do not wander among equals."""
     if stored is None or found is None or (stored.bounds, stored.held, stored.method) != (found.bounds, found.held, found.method):
         return found
-    if _better_than(stored, found) or _better_than(found, stored):
+    if better_than(stored, found) or better_than(found, stored):
         return found
     return dataclasses.replace(stored, seed=fitted.seed, history=found.history, evaluations=found.evaluations, elapsed_s=found.elapsed_s)
 
@@ -723,7 +723,7 @@ def _from_known(fitted: Fit, known: Known, held: Mapping[str, float]) -> Fit | N
     return dataclasses.replace(result, evaluations=fitted.evaluations + result.evaluations, elapsed_s=elapsed_s)
 
 
-def _better_than(fitted: Fit, found: Fit) -> bool:
+def better_than(fitted: Fit, found: Fit) -> bool:
     """Whether another solution of the same problem is better, compared as in a search: by probability, or by an error of per cents."""
     if misses_by_far(fitted.sizes) and misses_by_far(found.sizes):
         return found.rms_error_percent < (1 - LOWERED) * fitted.rms_error_percent

@@ -70,7 +70,7 @@ def _along_the_least_known(fit: Fit, behind: float) -> tuple[Fit, float]:
     if fit.objective - there.objective[best] > SAME:
         return also_from(fit, [Known(problem.named(solutions[best]))]), 0.0
     if there.objective[best] - fit.objective > SAME:
-        # The fit is not the likelihood's own solution (`_better_than`), or it was not found again.
+        # The fit is not the likelihood's own solution (`better_than`), or it was not found again.
         return fit, 0.0
     densities = -0.5 * there.objective - 0.5 * _log_determinant(problem, np.delete(np.delete(there.matrix, index, 1), index, 2), index)
     gaps = np.diff(values)
