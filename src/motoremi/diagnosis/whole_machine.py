@@ -99,7 +99,7 @@ def _scattered(base: Fit, names: Effects, factors: Sequence[Mapping[str, float]]
         place = places[index // len(SPREADS) % len(places)]
         values = {name: value * float(np.exp(spread * rng.standard_normal())) for name, value in place.items()}
         added = [p for p in task.motor.parameters if p.name not in values and p.name not in base.held]
-        factor = factors[rng.integers(len(factors))]
+        factor = factors[int(rng.integers(len(factors)))]
         starts.append({**values, **{p.name: factor.get(p.name, 1.0) * _drawn(p, rng) for p in added}})
     return Trail(task, starts, 1, base.sizes)
 
