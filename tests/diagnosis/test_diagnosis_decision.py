@@ -13,8 +13,9 @@ import motoremi as me
 from motoremi.blind.cases import Case
 from motoremi.diagnosis.belief import acceptance_of, believe
 from motoremi.diagnosis.candidates import Candidate, changed_elements, prior_of_effects, unusual_values
+from motoremi.diagnosis.decision import decided, judge
 from motoremi.diagnosis.diagnosis import commonest_of_the_closest_first
-from motoremi.diagnosis.judgement import Judgement, decided, distributed, judge
+from motoremi.diagnosis.judgement import Judgement, distributed
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
 from motoremi.model.effects import add_effects, find_effect

@@ -477,7 +477,7 @@ def test_what_a_measurement_proved_is_named_though_the_sweeps_show_little_of_it(
 
 def test_a_likelier_effect_that_is_not_named_is_asked_about_as_is_that_nothing_is_missing() -> None:
     from motoremi.diagnosis.candidates import Candidate
-    from motoremi.diagnosis.judgement import decided
+    from motoremi.diagnosis.decision import decided
     from motoremi.investigation.rivals import Taught
 
     # The base describes everything: an analyser may err by what the leak describes, however much more probable that is.
@@ -500,7 +500,7 @@ def test_a_likelier_effect_that_is_not_named_is_asked_about_as_is_that_nothing_i
 @pytest.mark.slow
 def test_a_pair_that_only_relieves_the_analyser_is_weighed_by_an_investigation_and_named_once_it_is_proven() -> None:
     from motoremi.diagnosis.candidates import Candidate
-    from motoremi.diagnosis.judgement import decided
+    from motoremi.diagnosis.decision import decided
     from motoremi.investigation.rivals import Taught
 
     # An analyser of 30 times its specification takes up what a small lead does.
@@ -534,7 +534,7 @@ def test_a_pair_that_only_relieves_the_analyser_is_weighed_by_an_investigation_a
 @pytest.mark.slow
 def test_a_family_whose_laws_are_approximate_is_asked_about_however_far_apart_their_scores_are() -> None:
     from motoremi.diagnosis.candidates import Candidate
-    from motoremi.diagnosis.judgement import decided
+    from motoremi.diagnosis.decision import decided
 
     # The lead that neither describes leaves as much beside both.
     lead = {"inductance_h": 5e-9, "resistance_ohm": 0.01, "skin_ohm": 1e-4}
@@ -554,7 +554,7 @@ def test_a_family_whose_laws_are_approximate_is_asked_about_however_far_apart_th
 @pytest.mark.parametrize(("coupling", "quality", "outside"), [(0.3, 5.0, 0.03), (0.83, 0.66, 0.5)])
 def test_values_that_few_motors_have_speak_for_what_the_catalogue_does_not_hold(coupling: float, quality: float, outside: float) -> None:
     from motoremi.diagnosis.candidates import Candidate
-    from motoremi.diagnosis.judgement import decided
+    from motoremi.diagnosis.decision import decided
 
     coupled = {"field-coupling": {"coupling": coupling, "resonance_hz": 8e6, "quality": quality, "across_share": 0.0}}
     bare, key = fit(dc_motor(), sweeps(coupled)), ("field-coupling",)

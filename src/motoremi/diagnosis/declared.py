@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, BETWEEN_PORTS, DEFAULT_ANALYSER, TRANSMISSION, Analyser
 from motoremi.diagnosis.candidates import Candidate
-from motoremi.diagnosis.judgement import ALIKE, HALF, ONE_EFFECT, Judgement, accurate, judge, of_every_winding
+from motoremi.diagnosis.decision import ONE_EFFECT, judge, of_every_winding
+from motoremi.diagnosis.judgement import Judgement, accurate
+from motoremi.diagnosis.thresholds import ALIKE, HALF
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit, summarise
 from motoremi.fitting.search import BEYOND_SIGMA, Found, Task, arrived_on_all
 from motoremi.progress import part

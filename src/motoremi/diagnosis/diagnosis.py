@@ -15,6 +15,7 @@ from motoremi.arrays import JsonDict, Progress
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE, after_verdict
 from motoremi.diagnosis.candidates import Candidate, changed_elements, large_elements, possible_effects
+from motoremi.diagnosis.decision import ONE_EFFECT, judge
 from motoremi.diagnosis.declared import Declared, likeliest
 from motoremi.diagnosis.explore import Key, best_of, ranked
 from motoremi.diagnosis.findings import (
@@ -37,20 +38,11 @@ from motoremi.diagnosis.findings import (
 )
 from motoremi.diagnosis.held_values import of_the_held, of_the_held_beside_an_effect
 from motoremi.diagnosis.informed import confidence_of, departs, informed, of_the_operator, reasons_of, rivals_in
-from motoremi.diagnosis.judgement import (
-    ALIKE,
-    CLEAR_GAIN,
-    COMMONEST_FIRST,
-    HALF,
-    NEARLY_ALIKE,
-    ONE_EFFECT,
-    Judgement,
-    distributed,
-    judge,
-    of_the_analyser_alone,
-)
+from motoremi.diagnosis.judgement import COMMONEST_FIRST, Judgement, distributed
 from motoremi.diagnosis.machine_modes import machine_in_words, machine_with_modes
+from motoremi.diagnosis.needed import of_the_analyser_alone
 from motoremi.diagnosis.outliers import outlying
+from motoremi.diagnosis.thresholds import ALIKE, CLEAR_GAIN, HALF, NEARLY_ALIKE
 from motoremi.diagnosis.validation import cross_validated
 from motoremi.diagnosis.whole_machine import whole_machine
 from motoremi.drawing import figure_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+from motoremi.diagnosis.decision import ONE_EFFECT, judge
 from motoremi.diagnosis.findings import Finding
-from motoremi.diagnosis.judgement import ONE_EFFECT, judge
 from motoremi.fitting.fit import fit as fit_again
 from motoremi.fitting.result import Fit, summarise
 from motoremi.fitting.search import Found, arrived_on_all

@@ -10,9 +10,10 @@ from scipy.special import logsumexp
 
 from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE
+from motoremi.diagnosis.decision import decided
 from motoremi.diagnosis.explore import Key, key_of
 from motoremi.diagnosis.findings import Finding
-from motoremi.diagnosis.judgement import Judgement, decided, distributed
+from motoremi.diagnosis.judgement import Judgement, distributed
 from motoremi.fitting.result import Fit
 from motoremi.investigation.mistakes import STRANGE_VALUE, Mistake
 from motoremi.investigation.question import NONE_DESCRIBES, ODDS
