@@ -1,4 +1,4 @@
-"""Local rational functions (two poles, two zeros) through the points of a sweep: they follow a resonance however sharp it is."""
+"""Local rational functions through the points of a sweep: two poles and two zeros follow a resonance however sharp it is, more a wide window."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 
 from motoremi.arrays import ComplexArray, FloatArray, IntArray
 
-# Coefficients of numerator and denominator: (a + b x + c x^2) / (1 + d x + e x^2).
-COEFFICIENTS = 5
+# Poles, and zeros, unless others are asked for, and the coefficients of numerator and denominator: (a + b x + c x^2) / (1 + d x + e x^2).
+ORDER = 2
+COEFFICIENTS = 2 * ORDER + 1
 
 
 class LocalEquations(NamedTuple):
@@ -21,8 +22,8 @@ class LocalEquations(NamedTuple):
         Distance in frequency from the point, the largest 1.
     values : ndarray, shape (n, k)
         Complex; what is described, in any unit for each point.
-    columns : ndarray, shape (n, k, 5)
-        Complex; what the coefficients are multiplied by.
+    columns : ndarray, shape (n, k, m)
+        Complex; what the m coefficients are multiplied by, those of the numerator first.
     """
 
     place: FloatArray
@@ -30,11 +31,12 @@ class LocalEquations(NamedTuple):
     columns: ComplexArray
 
     @classmethod
-    def of(cls, frequency_hz: FloatArray, center_hz: FloatArray, values: ComplexArray, windows: IntArray) -> LocalEquations:
+    def of(cls, frequency_hz: FloatArray, center_hz: FloatArray, values: ComplexArray, windows: IntArray, order: int = ORDER) -> LocalEquations:
         """The equations around frequencies of shape (n,), for values in windows, both (n, k): the indices of the points that are used for each."""
         x = frequency_hz[windows] - center_hz[:, None]
         x = x / np.abs(x).max(axis=1, keepdims=True)
-        return cls(x, values, np.stack([np.ones_like(values), x + 0j, x**2 + 0j, -values * x, -values * x**2], axis=2))
+        powers = [x**power for power in range(order + 1)]
+        return cls(x, values, np.stack([*(power + 0j for power in powers), *(-values * power for power in powers[1:])], axis=2))
 
     def weights(self, noise: FloatArray) -> FloatArray:
         """Weights of the equations for a noise of the values, both of shape (n, k).
@@ -45,11 +47,15 @@ class LocalEquations(NamedTuple):
         basis, triangle = np.linalg.qr(self.columns * weight[:, :, None])
         projected = np.swapaxes(basis.conj(), 1, 2) @ (self.values * weight)[:, :, None]
         # A curve that needs fewer coefficients leaves the triangle singular.
-        regular = triangle + 1e-12 * np.abs(triangle).max(axis=(1, 2), keepdims=True) * np.eye(COEFFICIENTS)
+        regular = triangle + 1e-12 * np.abs(triangle).max(axis=(1, 2), keepdims=True) * np.eye(self.columns.shape[2])
         coefficients = np.linalg.solve(regular, projected)[:, :, 0]
         # Limited, since a point where the denominator is almost zero would decide alone.
         return np.asarray(1 / (noise * np.maximum(np.abs(self.denominator(coefficients)), 1e-3)))
 
     def denominator(self, coefficients: np.ndarray) -> np.ndarray:
         """Of the rational functions with these coefficients, shape (n, k)."""
-        return 1 + coefficients[:, 3:4] * self.place + coefficients[:, 4:5] * self.place**2
+        order = self.columns.shape[2] // 2
+        found = np.ones_like(self.values)
+        for power in range(order, 0, -1):
+            found = found + coefficients[:, order + power, None] * self.place**power
+        return found

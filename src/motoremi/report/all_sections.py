@@ -8,6 +8,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict
 from motoremi.data.measurement import Measurement
+from motoremi.data.noise import Noise
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison, compare
@@ -89,7 +90,7 @@ def sweeps_section(materials: Materials) -> Section:
             f"{sweep.frequency_hz.size}",
             show_band(float(sweep.frequency_hz[0]), float(sweep.frequency_hz[-1])),
             f"{sweep.repeats}",
-            percent(100 * np.sqrt(np.mean(2 * noise.variance)), 2),
+            _noise_in_words(noise),
             NOISE_SOURCES[noise.source],
         )
         for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True)
@@ -103,6 +104,13 @@ def sweeps_section(materials: Materials) -> Section:
         alone = picture("sweeps", plots.measured_figure(measurement), "Measured impedance, mean of the repeats.")
         return Section("Sweeps", (*texts, *(f"{text[:1].upper()}{text[1:]}." for text in measurement.caveats())), tables, (alone,))
     return Section("Sweeps and model", tuple(texts), tables, (sweeps_picture(results),))
+
+
+def _noise_in_words(noise: Noise) -> str:
+    """Noise of the mean of the repeats, without points that stand out: their low weight is written as a large noise."""
+    apart = 0 if noise.outliers is None else int(np.count_nonzero(noise.outliers))
+    said = percent(100 * np.sqrt(np.mean(2 * noise.variance[noise.regular])), 2)
+    return f"{said} without {apart} point{'s' if apart > 1 else ''} that stand{'' if apart > 1 else 's'} out" if apart else said
 
 
 def sweeps_picture(results: Sequence[Fit]) -> Picture:
