@@ -79,7 +79,7 @@ class Judgement:
 
     @cached_property
     def _sets(self) -> Sets:
-        return Sets(self.base, self.found)
+        return Sets(self.base, {**self.found, **self.aside})
 
     @cached_property
     def best(self) -> Candidate:
@@ -261,12 +261,13 @@ class Judgement:
     def leaves_hardly_anything(self) -> bool:
         """Whether a pair leaves so little that it is accepted although an impedance analyser would have to err beyond its specification.
 
-        The circuit itself has to be as close: errors of the analyser that absorb the rest do not count.
+        The circuit itself has to be as close, or to err by no more than noise and specification would leave: errors of the analyser that absorb the
+        rest do not count.
         """
         pair, base = self.model, self.base
         if len(pair.added) != 2 or pair.unusual or self.distributed or base.measurement.analyser.by_waves:
             return False
-        closer = pair.fit.rms_error_percent <= NEXT_TO_ALL * base.rms_error_percent
+        closer = pair.fit.rms_error_percent <= max(NEXT_TO_ALL * base.rms_error_percent, pair.fit.floor_percent)
         return self._sets.leaves_at_most(HARDLY_ANYTHING, pair) and closer and pair.fit.analyser_sigma > SPECIFIED_SIGMA
 
     @property
@@ -490,7 +491,7 @@ class Judgement:
 
         Circuits that err by no more than noise and specification would leave are about equally good.
         """
-        limit = ALIKE * self.model.fit.unexplained_percent["value"]
+        limit = max(ALIKE * self.model.fit.unexplained_percent["value"], self.base.measurement.good_enough_percent)
         rivals = self.instead_of(effect)
         close = {name: one for name, one in rivals.items() if self._is_as_close(one) or is_within(one.fit)}
         alike = [name for name, one in close.items() if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) > 1 and one.unusual)]
