@@ -21,6 +21,7 @@ from motoremi.diagnosis.findings import (
     of_the_hardly_seen,
     of_the_noise,
     of_the_resistance,
+    of_the_scatter,
     shows_nothing,
 )
 from motoremi.diagnosis.held_values import of_the_held, of_the_held_beside_an_effect
@@ -55,6 +56,14 @@ def test_a_phase_that_any_analyser_may_err_by_is_not_blamed_where_none_is_declar
         turned = z * np.exp(-1j * share * NEGATIVE * UNDECLARED)
         assert np.mean(turned.real < 0) > OFTEN
         assert len(of_the_resistance(Measurement.of([me.ImpedanceSweep("short", FREQUENCY_HZ, turned)], "unknown"))) == count
+
+
+@pytest.mark.parametrize(("analyser", "scatter", "count"), [("4294a", 0.02, 1), ("4294a", 1e-3, 0), ("unknown", 0.02, 0), ("none", 0.02, 0)])
+def test_sweeps_that_scatter_by_more_than_the_named_analyser_may_err_are_told(analyser, scatter, count):
+    z, rng = impedance(DAMPED, "open", FREQUENCY_HZ), np.random.default_rng(1)
+    noise = scatter * rng.standard_normal((3, FREQUENCY_HZ.size, 2)) @ [1, 1j]
+    found = of_the_scatter(Measurement.of([me.ImpedanceSweep("open", FREQUENCY_HZ, z * (1 + one)) for one in noise], analyser))
+    assert [(one.id, one.sweep) for one in found] == [("interference", "open")] * count
 
 
 @pytest.mark.parametrize(("left_percent", "serious"), [(0.0, True), (2.0, True), (10.0, False)])

@@ -197,7 +197,8 @@ def after_verdict(probability: float, verdict: str, confidence: float) -> float:
 def acceptance_of(base: Fit, best: Fit) -> Acceptance:
     """Whether the remaining error of a model is small enough to accept the model."""
     left = best.unexplained_percent["value"]
-    if best.analyser_sigma > NO_ANALYSER_SIGMA and left > NEARLY_ALL * base.unexplained_percent["value"]:
+    nearly_all = best is not base and left <= NEARLY_ALL * base.unexplained_percent["value"]
+    if best.analyser_sigma > NO_ANALYSER_SIGMA and not nearly_all:
         return "not"
     # If nothing remains but the analyser's error is far beyond its specification, the model is accepted and a finding reports the analyser.
     # An added effect that only reaches a stated accuracy counts as `mostly`, since its law may be wrong; a base that reaches it is `explained`.

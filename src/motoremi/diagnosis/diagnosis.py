@@ -29,6 +29,7 @@ from motoremi.diagnosis.findings import (
     of_the_labels,
     of_the_noise,
     of_the_resistance,
+    of_the_scatter,
     of_the_sweeps,
     of_the_values,
     repeats_disagree_in,
@@ -428,6 +429,7 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None, each: Map = 
     found = (
         of_the_noise(judgement.base, 0.0 if judgement.accepted else judgement.closest_found.fit.unexplained_percent["value"])
         + of_the_resistance(fit.measurement)
+        + of_the_scatter(judgement.base.measurement)
         + of_the_analyser(judgement.model.fit, judgement.accepted)
         + of_the_sweeps(left)
     )

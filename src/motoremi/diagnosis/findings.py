@@ -180,6 +180,31 @@ def _interference(name: str, frequency_hz: FloatArray, outliers: BoolArray) -> F
     )
 
 
+def of_the_scatter(measurement: Measurement) -> list[Finding]:
+    """Sweeps that scatter by more than the specification of a named analyser allows as an error."""
+    analyser, found = measurement.analyser, []
+    if not analyser.named or analyser.ideal:
+        return []
+    for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True):
+        single = np.sqrt(2 * sweep.repeats) * noise.sigma
+        allowed = SPECIFIED_SIGMA * analyser.uncertainty(sweep.frequency_hz, sweep.mean_ohm)
+        ratio = float(np.median((single / allowed)[noise.regular]))
+        if ratio <= 1:
+            continue
+        size = percent(100 * float(np.median(single[noise.regular])), 2)
+        found.append(
+            Finding(
+                "interference",
+                f"each {sweep.termination} sweep scatters by {size}, {ratio:.2g} times the error that the {analyser.title} may have",
+                "look for interference and loose contacts, reduce the bandwidth or raise the level; or was it another analyser?",
+                False,
+                sweep.termination,
+                _span(sweep.frequency_hz),
+            )
+        )
+    return found
+
+
 def of_the_analyser(fit: Fit, accepted: bool) -> list[Finding]:
     """The size of the analyser's errors relative to the specification, and the elements of an uncompensated fixture."""
     found = []

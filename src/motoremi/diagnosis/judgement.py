@@ -489,9 +489,12 @@ class Judgement:
     def _alike(self, effect: str) -> Key:
         """Effects that do about as well in the place of an accepted one, beside others only with usual values; the most probable first.
 
-        Circuits that err by no more than noise and specification would leave are about equally good.
+        Circuits that err by no more than noise and specification would leave are about equally good; so are those that leave less than what counts,
+        as a leak of 420 kOhm in a wet slot (0.06 %) and a film of its resistance (0.03 %), but not beside unusual values.
         """
-        limit = max(ALIKE * self.model.fit.unexplained_percent["value"], self.base.measurement.good_enough_percent)
+        limit = ALIKE * self.model.fit.unexplained_percent["value"]
+        if not self.model.unusual:
+            limit = max(limit, self.base.measurement.good_enough_percent)
         rivals = self.instead_of(effect)
         close = {name: one for name, one in rivals.items() if self._is_as_close(one) or is_within(one.fit)}
         alike = [name for name, one in close.items() if one.fit.unexplained_percent["value"] <= limit and not (len(one.added) > 1 and one.unusual)]

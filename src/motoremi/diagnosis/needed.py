@@ -65,10 +65,10 @@ class Sets:
             return False
         if is_assumed(under.fit) and self._only_relieves_what_is_assumed(under, model):
             return False
-        needed = shown or comes_closer(under, model)
+        needed = shown or comes_closer(under, model) or relieves(under, model)
         # The sizes of the errors of an analyser without a name are estimated from these sweeps: what is left beside them is no further error of it.
         if not (of_analyser and is_assumed(under.fit)):
-            needed = needed or relieves(under, model) or _leaves_less(under, model)
+            needed = needed or _leaves_less(under, model)
         return needed
 
     def corrects_laws(self, under: Candidate, model: Candidate) -> bool:

@@ -64,7 +64,7 @@ EFFECTS = (
         reader=rational_starts.relaxing_rotor,
         places=PLACES,
         repeatable=True,
-        responds={"second-temperature": {"corner_hz": 3.0}},
+        responds={"second-temperature": {"corner_hz": 3.0}, "dried": {"strength": 0.85, "corner_hz": 0.7}},
         seen_as=("capacitance-relaxation",),
         imitated={
             "Ca": "a winding with a tap or with unlike sections",

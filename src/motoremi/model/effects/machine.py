@@ -235,5 +235,6 @@ EFFECTS = (
         source="Mirafzal, Skibinski, Tallam, IEEE Trans. Ind. Appl. 45 (2009) 142: 1 % on a machine of 100 HP",
         change=_common_mode,
         starts=tuple({"share": k} for k in (0.02, 0.2, 0.7, 1.3)),
+        responds={"dc-bias": {"share": 0.9}},
     ),
 )

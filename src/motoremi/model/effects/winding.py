@@ -213,7 +213,7 @@ EFFECTS = (
         ),
         reader=rational_starts.relaxing_core,
         repeatable=True,
-        responds={"dc-bias": {"share": 0.8, "corner_hz": 1.25}},
+        responds={"dc-bias": {"share": 0.8, "corner_hz": 1.25}, "second-temperature": {"corner_hz": 0.94}},
         seen_as=("inductance-relaxation",),
         needs_a="core",
     ),
@@ -280,7 +280,7 @@ EFFECTS = (
         less_than={"inductance_h": "La"},
         exchange=_cell_as_winding,
         damping_ratio=lambda own: np.pi * own["resonance_hz"] * own["inductance_h"] / own["resistance_ohm"],
-        responds={"end-turn-touched": {"resonance_hz": 0.97}},
+        responds={"end-turn-touched": {"resonance_hz": 0.97}, "second-temperature": {"resistance_ohm": 1.06}},
         seen_as=("inductance-resonance", "cell"),
     ),
     Effect(
@@ -344,7 +344,12 @@ EFFECTS = (
         ),
         reader=rational_starts.coupled_winding,
         damping_ratio=lambda own: 0.5 / own["quality"],
-        responds={"field-winding": {"coupling": 0.1}},
+        responds={
+            "field-winding": {"coupling": 0.1},
+            "shaft-turned": {"coupling": 1.05},
+            "end-turn-touched": {"resonance_hz": 0.98},
+            "second-temperature": {"quality": 0.92},
+        },
         seen_as=("inductance-resonance",),
     ),
     Effect(
@@ -369,6 +374,7 @@ EFFECTS = (
             "shaft-turned": {"resistance_ohm": 1.5, "capacitance_f": 0.7},
             "dc-bias": {"resistance_ohm": 0.3},
             "brushes-lifted": {"resistance_ohm": 0.0},
+            "second-temperature": {"resistance_ohm": 0.9},
         },
         seen_as=("film",),
     ),
@@ -390,7 +396,11 @@ EFFECTS = (
         change=_film("Rr"),
         starts=tuple({"resistance_ohm": r, "capacitance_f": c} for r in (5.0, 300.0, 5e3) for c in (1e-10, 1e-9)),
         reader=rational_starts.film,
-        responds={"shaft-turned": {"resistance_ohm": 5.0, "capacitance_f": 0.6}, "second-temperature": {"resistance_ohm": 0.5}},
+        responds={
+            "shaft-turned": {"resistance_ohm": 5.0, "capacitance_f": 0.6},
+            "second-temperature": {"resistance_ohm": 0.5},
+            "rotor-out": {"resistance_ohm": 0.0},
+        },
         seen_as=("film",),
     ),
 )
