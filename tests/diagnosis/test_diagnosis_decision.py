@@ -30,6 +30,7 @@ def left(percent: float, error_percent: float, analyser_sigma: float) -> SimpleN
         floor_percent=1.0,
         noise_percent=0.1,
         analyser_sigma=analyser_sigma,
+        fixture_sigma=0.0,
         instrument_sigma=analyser_sigma,
         marginal=SimpleNamespace(nothing_left=0.0),
         explained=False,
@@ -172,6 +173,9 @@ def test_a_circuit_that_still_misses_by_most_is_hardly_closer(errors_percent, ha
     judgement = Judgement(found[()].fit, found, believe(found))  # type: ignore[arg-type]
     assert judgement.named
     assert judgement.hardly_closer is hardly
+    # A fixture that was not compensated is part of the circuit's error.
+    judgement.model.fit.fixture_sigma = 1.0  # type: ignore[misc]
+    assert not judgement.hardly_closer
 
 
 def test_three_effects_that_are_not_accepted_do_not_take_the_place_of_two_that_are(healthy):

@@ -502,7 +502,7 @@ def _concluded(
         verdict=verdict,
         effects=tuple(named) if verdict not in ("unexplained", "data") else (),
         families=families if verdict not in ("unexplained", "data") else (),
-        confidence=confidence_of(rivals, judgement.probability, verdict, confidence),
+        confidence=confidence_of(rivals, judgement.probability, verdict, confidence, not judgement.accepted and judgement.nearly_described),
         base=base,
         best=base if verdict == "adequate" else best.fit,
         candidates=tuple(singles),

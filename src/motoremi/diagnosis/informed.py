@@ -107,15 +107,17 @@ def departs(rivals: Rivals) -> bool:
     return bool(rivals.taught) and rivals.outside > 0.5
 
 
-def confidence_of(rivals: Rivals, probability: float, verdict: str, before: float) -> float:
+def confidence_of(rivals: Rivals, probability: float, verdict: str, before: float, nearly_described: bool = False) -> float:
     """Probability that an answer is true, from the probability of its set among those that were found.
 
-    After further measurements, the probability of an effect outside the catalogue is the updated one.
+    After further measurements, the probability of an effect outside the catalogue is the updated one, as far as the search is reliable. Sets that
+    describe nearly all (`nearly_described`) may have laws that are only approximately the motor's: then their predictions fail as well, which says
+    nothing about what is outside the catalogue (of a capacitor beside a winding in sections a wide sweep departed from both sets that were found).
     """
     if not rivals.taught or verdict == "data":
         return before
     if verdict == "unexplained":
-        return max(rivals.outside, before) if departs(rivals) else before
+        return max(min(rivals.outside, RELIABLE["unexplained"]), before) if departs(rivals) and not nearly_described else before
     # Serious findings and parameters at a bound reduce the confidence by the same factor as before.
     return min(before / max(probability, 1e-9), 1 - rivals.outside) * probability
 

@@ -272,9 +272,13 @@ class Judgement:
 
     @property
     def hardly_closer(self) -> bool:
-        """Whether the accepted model's circuit misses by more than half, and more than half as far as the base: analyser errors do the rest."""
-        error_percent = self.model.fit.rms_error_percent
-        return error_percent > max(100 * HALF, HALF * self.base.rms_error_percent)
+        """Whether the accepted model's circuit misses by more than half, and more than half as far as the base: analyser errors do the rest.
+
+        A fixture that nobody compensated is part of that error: if it is of ordinary size, the error says nothing.
+        """
+        fit = self.model.fit
+        ordinary_fixture = fit.fixture_sigma > 0 and fit.instrument_sigma <= ALLOWED_SIGMA
+        return not ordinary_fixture and fit.rms_error_percent > max(100 * HALF, HALF * self.base.rms_error_percent)
 
     @property
     def _nearly_all_described(self) -> bool:
