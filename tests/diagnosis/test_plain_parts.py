@@ -13,8 +13,8 @@ from scipy.special import iv
 import motoremi as me
 from motoremi.data.analyser import find_analyser
 from motoremi.diagnosis.candidates import unusual_values
-from motoremi.diagnosis.diagnosis import _as_a_cable
 from motoremi.diagnosis.findings import of_the_analyser
+from motoremi.diagnosis.reasons import as_a_cable
 from motoremi.fitting.problem import fixture_parameters
 from motoremi.model.effects import add_effects
 from motoremi.model.effects.cable_starts import winding_behind_cable
@@ -159,5 +159,5 @@ def test_two_terms_of_a_core_are_told_as_one_cause() -> None:
 )
 def test_a_lead_and_a_capacitance_at_the_terminals_may_be_a_short_cable(henry, farad, said):
     fit = SimpleNamespace(parameters={"lead-inductance.inductance_h": henry, "terminal-capacitance.capacitance_f": farad})
-    assert "".join(_as_a_cable(("terminal-capacitance", "lead-inductance"), fit)).partition(": is one")[0] == said
-    assert _as_a_cable(("lead-inductance",), fit) == []
+    assert "".join(as_a_cable(("terminal-capacitance", "lead-inductance"), fit)).partition(": is one")[0] == said
+    assert as_a_cable(("lead-inductance",), fit) == []

@@ -26,7 +26,7 @@ from motoremi.data.analyser import DECLARED, find_analyser
 from motoremi.data.csvfiles import impedance_csv
 from motoremi.data.laboratory import laboratory_of
 from motoremi.diagnosis import belief, candidates, declared, findings, informed, judgement
-from motoremi.diagnosis.diagnosis import Verdict
+from motoremi.diagnosis.belief import Verdict
 from motoremi.emission import spectrum_problem
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB
 from motoremi.emission.setup import read_setup

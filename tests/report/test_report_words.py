@@ -21,7 +21,7 @@ import motoremi as me
 from motoremi.cli.app import app
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import SessionWriter, load
-from motoremi.diagnosis.diagnosis import Verdict
+from motoremi.diagnosis.belief import Verdict
 from motoremi.fleet.page import fleet_html
 from motoremi.fleet.statistics import fleet_figures
 from motoremi.report.overlay import LOOKS

@@ -20,6 +20,7 @@ from motoremi.fitting.result import Fit
 from motoremi.fitting.search import BEYOND_SIGMA
 
 Acceptance: TypeAlias = Literal["explained", "slight", "mostly", "not"]
+Verdict: TypeAlias = Literal["adequate", "missing-effect", "family", "instrument", "data", "unexplained"]
 
 # An effect, or a further one, is named only if all smaller sets together have less of the posterior than this (odds of 20 to 1).
 LEAST_DOUBT = 0.05
