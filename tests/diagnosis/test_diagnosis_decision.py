@@ -1037,3 +1037,69 @@ def test_an_effect_with_errors_far_beyond_the_specification_gives_way_to_one_wit
         one.fit.measurement.analyser.by_waves, one.fit.floor_percent = True, 32.6
     judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
     assert (judgement.named, judgement.accepted) == ((named,), True)
+
+
+@pytest.mark.parametrize(("error_percent", "named"), [(25.1, 1), (12.0, 2)])
+def test_a_second_effect_with_which_the_circuit_errs_beyond_its_floor_is_not_named(error_percent, named):
+    """A capacitor of 82 nF across the brushes: leads beside it take the circuit's error from 1 to 25 %, and only the analyser errs less."""
+    pair = ("suppressor-capacitor", "lead-inductance")
+    found = by_a_named_analyser(
+        model((), 9023.0, 75.9, 16.2, analyser_sigma=8.4),
+        model(pair[:1], 9202.0, 0.97, 0.69, analyser_sigma=6.6),
+        describes_all(model(pair, 9400.0, error_percent, 0.0, analyser_sigma=2.0)),
+    )
+    for one in found.values():
+        one.fit.floor_percent = 20.3
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.accepted) == (pair[:named], True)
+
+
+@pytest.mark.parametrize(("thirds", "named"), [(("skin-effect", "brush-contact", "field-coupling"), 2), (("skin-effect", "brush-contact"), 3)])
+def test_a_third_effect_that_any_of_several_laws_replaces_is_not_named(thirds, named):
+    """A copper sleeve on the magnets beside a wire from the far end: each of the thirds describes what the law of the sleeve leaves."""
+    pair = ("shorted-turn", "far-end-tie")
+    found = by_a_named_analyser(
+        model((), 6000.0, 10.4, 10.4, analyser_sigma=5.0),
+        model(pair[:1], 7530.0, 7.47, 7.37, analyser_sigma=17.5),
+        model(pair, 10131.0, 0.397, 0.356, analyser_sigma=26.1),
+        *(describes_all(model((*pair, third), 10495.0 - at, 0.344, 0.0, analyser_sigma=1.3)) for at, third in enumerate(thirds)),
+    )
+    for one in found.values():
+        one.fit.floor_percent = 0.63
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (len(judgement.named), judgement.accepted) == (named, True)
+
+
+@pytest.mark.parametrize(("floor_percent", "accepted"), [(46.2, True), (1.0, False)])
+def test_a_pair_that_leaves_hardly_anything_may_err_by_what_noise_and_specification_leave(floor_percent, accepted):
+    """Laminations beside feed-through capacitors, at whose resonance the impedance is a few milliohms."""
+    pair = ("proximity-effect", "suppressor-capacitor@pair")
+    found = by_a_named_analyser(
+        model((), 6339.0, 47.0, 47.0, analyser_sigma=35.6),
+        model(pair[1:], 9786.0, 11.9, 11.86, analyser_sigma=20.8),
+        model(pair, 12846.0, 3.63, 0.061, analyser_sigma=7.8),
+    )
+    for one in found.values():
+        one.fit.floor_percent = floor_percent
+    found[()].fit.measurement.floors = (np.full(3, 0.01),)
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named == pair and judgement.accepted) == accepted
+
+
+@pytest.mark.parametrize(("left_percent", "acceptance"), [(2.05, "mostly"), (20.0, "not")])
+def test_what_describes_nearly_all_is_accepted_whatever_the_analyser_would_err_by(left_percent, acceptance):
+    """Two lengths of cable in a box, described as one cable."""
+    assert acceptance_of(left(89.3, 89.3, 2154.0), left(left_percent, left_percent, 323.0)) == acceptance  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("left_percent", "told"), [(0.06, True), (0.12, False)])
+def test_a_family_holds_what_leaves_less_than_counts(left_percent, told):
+    """A leak in a wet slot, of which a film of the same resistance has nearly the same impedance."""
+    film, leak = ("bearing-film",), ("insulation-leakage@Cf",)
+    found = of(
+        model((), 2011.0, 4.62, 4.6, analyser_sigma=27.7),
+        model(film, 2856.0, 0.111, 0.028, analyser_sigma=3.6),
+        model(leak, 2805.0, 0.145, left_percent, analyser_sigma=3.7),
+    )
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.families) == (film, {film[0]: leak if told else ()})

@@ -16,7 +16,7 @@ from motoremi.data.csvfiles import write_impedance_csv
 from motoremi.data.measurement import Measurement
 from motoremi.data.session import SessionWriter, load
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.diagnosis.belief import believe
+from motoremi.diagnosis.belief import RELIABLE, believe
 from motoremi.diagnosis.informed import informed, of_the_operator, rivals_in
 from motoremi.fitting.fit import fit
 from motoremi.fitting.result import Fit
@@ -576,6 +576,16 @@ def test_what_no_explanation_predicts_makes_the_verdict_unexplained() -> None:
     belief = believe({(): _Scored(0.0)})
     assert confidence_of(rivals(), belief, "adequate", 0.9) == 0.9
     assert confidence_of(after, belief, "unexplained", 0.5) > 0.9
+    # The search may have missed the right set, and a law that is only approximate predicts further sweeps wrongly too.
+    assert confidence_of(after, belief, "unexplained", 0.5) <= RELIABLE["unexplained"]
+    assert confidence_of(after, belief, "unexplained", 0.5, nearly_described=True) == 0.5
+
+
+def test_a_bias_leaves_the_part_of_a_choke_that_is_not_in_its_ferrite() -> None:
+    """A rod of which 80 % of the flux is in the ferrite, as in the start values of a choke."""
+    factors = find_effect("suppressor-choke").effect.responds["dc-bias"]
+    assert factors["inductance_h"] < 1
+    assert factors["inductance_h"] * (1 - 0.8 * factors["share"]) == pytest.approx(1 - 0.8, rel=0.05)
 
 
 class _Scored:

@@ -19,7 +19,7 @@ from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.declaration import declared_analyser, is_compensated
 from motoremi.data.mislabelled import label_remarks, without_mislabelled
 from motoremi.data.moved import at_average_leads
-from motoremi.data.noise import Noise, estimate_noise
+from motoremi.data.noise import Noise, estimate_noise, rms_percent
 from motoremi.data.quantity import Quantity
 from motoremi.data.sweep import ImpedanceSweep, RepeatedSweep, Termination, group_repeats, same_frequencies
 from motoremi.errors import BadInput
@@ -133,19 +133,15 @@ class Measurement:
         """Measurements of the menu that these data contain: conditions and single values."""
         return frozenset({one.condition.id for one in self.conditioned} | {one.name for one in self.values})
 
-    def _rms_percent(self, variances: Iterable[FloatArray]) -> float:
-        """Rms of relative errors whose real and imaginary parts each have these variances, in percent."""
-        return float(100 * np.sqrt(np.mean(2 * np.concatenate(list(variances)))))
-
     @cached_property
     def noise_percent(self) -> float:
         """Rms of |Z_model/Z_measured - 1| that random noise alone would cause with a correct model, in percent."""
-        return self._rms_percent(noise.variance[noise.regular] for noise in self.noise)
+        return rms_percent(noise.variance[noise.regular] for noise in self.noise)
 
     @cached_property
     def floor_percent(self) -> float:
         """The floor: the same error, caused by noise and by the analyser's errors within its specification."""
-        return self._rms_percent(0.5 * floor[noise.regular] ** 2 for floor, noise in zip(self.floors, self.noise, strict=True))
+        return rms_percent(0.5 * floor[noise.regular] ** 2 for floor, noise in zip(self.floors, self.noise, strict=True))
 
     @cached_property
     def floors(self) -> tuple[FloatArray, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Literal, NamedTuple, TypeAlias
@@ -99,6 +100,11 @@ class ByContent:
         arrays = (sweep.frequency_hz, sweep.impedance_ohm, sweep.sigma_relative, sweep.moved, sweep.rounding_relative)
         parts = [b"-" if array is None else f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes() for array in arrays]
         return cls(hashlib.sha256(b"".join(parts)).digest(), quantity, sweep)
+
+
+def rms_percent(variances: Iterable[FloatArray]) -> float:
+    """Rms of relative errors whose real and imaginary parts each have these variances, in percent."""
+    return float(100 * np.sqrt(np.mean(2 * np.concatenate(list(variances)))))
 
 
 def estimate_noise(sweep: RepeatedSweep, quantity: Quantity | None = None) -> Noise:

@@ -17,11 +17,12 @@ from motoremi.interrupts import checkpoint
 NEIGHBOURS = 12
 # Points with fewer neighbours on one side, at the ends of a sweep, are not tested.
 BESIDE = 4
-# Points whose neighbours reach over more than this ratio of frequencies are not tested, and one of which a function with more poles and zeros
-# through more neighbours predicts what was measured does not stand out: where points are few, there is more among the neighbours than one
-# resonance. Of 240 sweeps of simulated motors without outliers (17 to 29 points a decade) 84 and 26 had some without this second test, one
-# and none with it; as many outliers are found. With 5 to 7 points a decade 16 to 22 have some.
-WIDEST, MORE_NEIGHBOURS, MORE_POLES = 20.0, 20, 6
+# Largest ratio of the frequencies between which the neighbours of a tested point lie: where points are few, there are more resonances among the
+# neighbours than the function has poles. With 5 to 7 points a decade 16 to 22 of 240 sweeps of simulated motors had outliers that are none.
+WIDEST = 20.0
+# Neighbours, and poles, of the function that has to miss the point too. Of 240 such sweeps (17 and 29 points a decade) 84 and 26 had outliers that
+# are none without this second test, one and none with it; as many of the outliers that were put into them are found.
+MORE_NEIGHBOURS, MORE_POLES = 20, 6
 # Standard deviations of the prediction. Of t-distributed deviations with 14 degrees of freedom three in ten million are larger.
 FAR = 9.0
 # If more than this share of the points deviate, they are not single outliers, and none is reported.

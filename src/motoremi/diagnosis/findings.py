@@ -195,7 +195,7 @@ def of_the_scatter(measurement: Measurement) -> list[Finding]:
         found.append(
             Finding(
                 "interference",
-                f"each {sweep.termination} sweep scatters by {size}, {ratio:.2g} times the error that the {analyser.title} may have",
+                f"each {sweep.termination} sweep scatters by {size}, {ratio:.2g} times the error that is specified for the {analyser.title}",
                 "look for interference and loose contacts, reduce the bandwidth or raise the level; or was it another analyser?",
                 False,
                 sweep.termination,

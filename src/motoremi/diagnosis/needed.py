@@ -89,7 +89,7 @@ class Sets:
         inexact: a steel sleeve as a ladder left 0.24 % of 12 %, and four effects beside the cage described that, with odds of e^370. Then the
         second one has to bring the circuit clearly closer. None is needed with which the circuit errs clearly more, and only the analyser less:
         beside a cage of deep bars and a moist slot liner a resonance took the error from 0.13 to 0.20 %, and beside a capacitor across the
-        brushes a wire from the far end took it from 1.0 to 37 %.
+        brushes leads took it from 1.0 to 25 %.
         """
         fit, further = under.fit, Counter(model.added) - Counter(under.added)
         if not under.added or not further or Counter(under.added) - Counter(model.added) or of_the_analyser_alone(tuple(further)):

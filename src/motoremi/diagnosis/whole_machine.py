@@ -14,14 +14,14 @@ import numpy as np
 
 from motoremi.arrays import Progress
 from motoremi.data.covariance import Sizes
-from motoremi.diagnosis.candidates import Candidate, Effects, candidate, possible_effects, prior_of_set
+from motoremi.diagnosis.candidates import Candidate, Effects, candidate, own_labels, possible_effects, prior_of_set
 from motoremi.fitting.band_scaling import bands, scale_factors, scaled_ranges
 from motoremi.fitting.fit import better_than, on_all_points, trail_to
 from motoremi.fitting.race import ALL, Round, Rounds, Trail, race, raced_alone
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Solution, Task
 from motoremi.fitting.starts import base_starts
-from motoremi.model.effects import add_effects, find_effect
+from motoremi.model.effects import Effect, add_effects, find_effect
 from motoremi.model.effects.start import with_start
 from motoremi.model.parameter import Parameter
 from motoremi.workers import Map
@@ -150,22 +150,23 @@ def added_together(base: Fit, names: Effects, each: Map = map) -> list[Fit]:
 
 def in_wider_ranges(base: Fit, names: Effects) -> Fit:
     """A fit with the ranges in which each of these effects is sought alone: those of a sweep in another band are wider than the catalogue's."""
-    wider, motor = dict[str, tuple[float, float]](), base.motor
-    for added in map(find_effect, names):
-        wider |= scaled_ranges(added.effect, added.label_in(motor), base.measurement)
-        motor = added.added_to(motor)
+    wider: dict[str, tuple[float, float]] = {}
+    for label, effect in _labelled(base, names):
+        wider |= scaled_ranges(effect, label, base.measurement)
     return dataclasses.replace(base, bounds={**wider, **base.bounds})
 
 
+def _labelled(base: Fit, names: Effects) -> list[tuple[str, Effect]]:
+    """Effects that are added to a fit, each with the prefix of its parameters."""
+    return [(label, find_effect(label.partition("#")[0]).effect) for label in sorted(own_labels((*base.effects, *names), names))]
+
+
 def _factors(base: Fit, names: Effects) -> list[dict[str, float]]:
-    """By which the effects' parameters are scaled in the catalogue's own band and in each of the measurement, by their names."""
-    found: list[dict[str, float]] = [{} for _ in bands(base.measurement)]
-    motor = base.motor
-    for added in map(find_effect, names):
-        label, motor = added.label_in(motor), added.added_to(motor)
-        for factor, scaled in zip(found, scale_factors(added.effect, base.measurement), strict=True):
-            factor |= {f"{label}.{name}": value for name, value in scaled.items()}
-    return [factor for at, factor in enumerate([{}, *found]) if at == 0 or set(factor.values()) - {1.0}]
+    """Factors that scale the effects' parameters, by name: none for the catalogue's own band, then those for each other band of the measurement."""
+    scaled = [(label, scale_factors(effect, base.measurement)) for label, effect in _labelled(base, names)]
+    count = len(bands(base.measurement))
+    found = [{f"{label}.{name}": value for label, of_bands in scaled for name, value in of_bands[at].items()} for at in range(count)]
+    return [{}, *(factor for factor in found if set(factor.values()) - {1.0})]
 
 
 def falling(base: Fit, steps: Sequence[Fit]) -> list[Fit]:
@@ -204,7 +205,7 @@ def _by_evidence(trails: Sequence[Trail], each: Map) -> list[tuple[Trail, Soluti
 
 
 def by_need(base: Fit, found: tuple[Trail, Solution], each: Map = map) -> list[tuple[Trail, Solution, Fit]]:
-    """What `on_all_points` takes for steps of one effect each; the last of every step is that without which the rest does best."""
+    """What `on_all_points` takes for each step of a ladder to all effects: a step adds the effect without which the rest fits best."""
     path = [found]
     while len(_names(base, path[-1][0])) > 1:
         path.append(_without_one(base, *path[-1], each))

@@ -80,10 +80,9 @@ def scale_factors(effect: Effect, measurement: Measurement) -> list[dict[str, fl
 
 def scaled_starts(effect: Effect, measurement: Measurement) -> list[dict[Any, float]]:
     """An effect's start values for each band of a measurement, SI units."""
-    units: dict[Any, str] = {p.name: p.unit for p in effect.parameters if _scales(effect, p)}
-    if effect.group != "instrument":
-        units |= {Subtract(p.name): p.unit for p in BASE_PARAMETERS}
-    factors = [{name: band.factor(unit) for name, unit in units.items()} for band in bands(measurement)]
+    elements = () if effect.group == "instrument" else BASE_PARAMETERS
+    of_elements = [{Subtract(p.name): band.factor(p.unit) for p in elements} for band in bands(measurement)]
+    factors: list[dict[Any, float]] = [{**own, **other} for own, other in zip(scale_factors(effect, measurement), of_elements, strict=True)]
     scaled = [{name: value * factor.get(name, 1.0) for name, value in start.items()} for factor in factors for start in effect.starts]
     return [start for index, start in enumerate(scaled) if start not in scaled[:index]]
 
@@ -96,8 +95,9 @@ def scaled_ranges(effect: Effect, label: str, measurement: Measurement) -> dict[
     found: dict[str, tuple[float, float]] = {}
     if effect.kin == "suppressor":
         return found
+    of_bands = scale_factors(effect, measurement)
     for parameter in effect.parameters:
-        factors = [factor.get(parameter.name, 1.0) for factor in scale_factors(effect, measurement)]
+        factors = [factor.get(parameter.name, 1.0) for factor in of_bands]
         low, high = parameter.low * min(1.0, *factors), parameter.high * max(1.0, *factors)
         if (low, high) != (parameter.low, parameter.high):
             found[f"{label}.{parameter.name}"] = (low, high)

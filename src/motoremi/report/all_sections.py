@@ -8,7 +8,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict
 from motoremi.data.measurement import Measurement
-from motoremi.data.noise import Noise
+from motoremi.data.noise import Noise, rms_percent
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison, compare
@@ -109,8 +109,10 @@ def sweeps_section(materials: Materials) -> Section:
 def _noise_in_words(noise: Noise) -> str:
     """Noise of the mean of the repeats, without points that stand out: their low weight is written as a large noise."""
     apart = 0 if noise.outliers is None else int(np.count_nonzero(noise.outliers))
-    said = percent(100 * np.sqrt(np.mean(2 * noise.variance[noise.regular])), 2)
-    return f"{said} without {apart} point{'s' if apart > 1 else ''} that stand{'' if apart > 1 else 's'} out" if apart else said
+    said = percent(rms_percent([noise.variance[noise.regular]]), 2)
+    if not apart:
+        return said
+    return f"{said} without {apart} point{'s' if apart > 1 else ''} that stand{'' if apart > 1 else 's'} out"
 
 
 def sweeps_picture(results: Sequence[Fit]) -> Picture:
