@@ -421,8 +421,8 @@ def search_base(task: Task, seed: int, progress: Progress | None = None) -> Foun
         if described or (round_number > 0 and now > (1 - WORTH_A_ROUND) * before):
             break
     assert best is not None
-    hidden = not task.measurement.on_the_same_frequencies or (task.measurement.analyser.by_waves and best.sizes.discrepancy > NOTHING_LEFT)
-    if hidden and best.values.keys() >= {"Cr", "Cf", "Lr", "Rr"}:
+    leaves_a_little = NOTHING_LEFT < best.sizes.discrepancy < (np.inf if task.measurement.analyser.by_waves else PLAIN)
+    if (leaves_a_little or not task.measurement.on_the_same_frequencies) and best.values.keys() >= {"Cr", "Cf", "Lr", "Rr"}:
         found = _frames_tried(task, best)
         evaluations += found.evaluations
         # If these leave an error too, something is missing in the circuit, and the one that errs least was chosen before.
@@ -436,7 +436,8 @@ def _frames_tried(task: Task, best: Solution) -> Solution:
     """By the likelihood from the beginning, from paths to the frame whose resonances are spread over the band.
 
     A network analyser measures impedances far from its reference inaccurately, and a fixture without compensation changes them: the error of the
-    circuit alone, which the search minimises, then has its minimum at wrong elements.
+    circuit alone, which the search minimises, then has its minimum at wrong elements. So it may for an impedance analyser if hardly anything of
+    the path to the frame is seen: of an air coil whose frame resonates beyond the band a branch of 1 MOhm left 0.76 %, and the right one 0.04 %.
     """
     bases = [best.values, *({**best.values, **start} for start in data_driven_starts(task.measurement.coarse)[:1])]
     starts = [start for base in bases for start in frames_across_the_band(base, task.measurement)]
