@@ -170,10 +170,13 @@ def sweep_of(curve: Curve, path: Path) -> me.ImpedanceSweep:
 
 
 def page(folder: Path) -> Iterator[str]:
-    found = [(curve, place) for curve in CURVES for place in (folder / curve.file, IN_THE_REPOSITORY / curve.file) if place.is_file()]
+    found = []
     for curve in CURVES:
-        if curve not in [one for one, _ in found]:
+        place = next((one for one in (folder / curve.file, IN_THE_REPOSITORY / curve.file) if one.is_file()), None)
+        if place is None:
             print(f"left out: {curve.file} is not in {folder}; it is {curve.origin}", file=sys.stderr)
+        else:
+            found.append((curve, place))
     yield "# Real cores, coils and a cable: how far the catalogue goes"
     yield ""
     yield "Made by `python -m benchmarks.real_cores FOLDER --out docs/cores.md`; nothing in it is written by hand."

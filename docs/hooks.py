@@ -1,4 +1,4 @@
-"""Pages that are generated while the documentation is built: commands, effects with their plots, notebooks."""
+"""Pages that are generated while the documentation is built: commands, measurements, effects with their plots, notebooks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ FREQUENCY_HZ = np.geomspace(150e3, 30e6, 301)
 
 def on_files(files: Files, config) -> Files:
     """Add the generated pages."""
-    pages = {"reference/commands.md": commands_page(), "explanation/effects.md": effects_page()}
+    pages = {
+        "reference/commands.md": commands_page(),
+        "reference/measurements.md": measurements_page(),
+        "explanation/effects.md": effects_page(),
+    }
     pages |= {f"notebooks/{path.stem}.md": notebook_page(path) for path in sorted((HERE / "notebooks").glob("*.ipynb"))}
     for uri, text in pages.items():
         files.append(File.generated(config, uri, content=text))
@@ -36,8 +40,9 @@ def commands_page() -> str:
     lines = [
         "# Commands",
         "",
-        "`motoremi COMMAND --help` shows the same. Exit status: 0 done, 1 done and the verdict is FAIL, 2 wrong use or unusable data, "
-        "3 error of an instrument, 130 stopped by Ctrl-C.",
+        "`motoremi COMMAND --help` shows the same. Exit status: 0 done; 1 done, but FAIL, files refused, or (fleet) no result or a motor that is "
+        "not good; 2 wrong use or unusable data; 3 an instrument or scheduler does not answer, or the operator answered that a step was not done; "
+        "130 stopped by Ctrl-C.",
         "",
     ]
     for name, command in group.commands.items():
@@ -49,6 +54,34 @@ def commands_page() -> str:
             lines.append(f"| `{shown}` | {text} |")
         lines.append("")
     return "\n".join(lines)
+
+
+def measurements_page() -> str:
+    """Conditions and single values with their units, and the menu of an investigation."""
+    from motoremi.data.conditions import CONDITIONS, VALUES
+    from motoremi.investigation.menu import BY_NAME, MENU
+
+    def asked(name: str) -> str:
+        return BY_NAME[name].action if name in BY_NAME else "a known part in the motor's place"
+
+    lines = ["# Conditions, single values and measurements", ""]
+    lines += ["## Conditions", "", "`motoremi import SESSION --append --condition ID[=VALUE]`", ""]
+    lines += ["| id | value, for example | what is set up |", "|---|---|---|"]
+    for name, setting in CONDITIONS.items():
+        value = "" if setting is None else f"`{setting.example}`" + ("" if setting.needed else " (may be left out)")
+        lines.append(f"| `{name}` | {value} | {asked(name)} |")
+    lines += ["", "## Single values", "", "`motoremi import SESSION --append --value NAME=QUANTITY`, if known with an uncertainty"]
+    lines += ["(`21.3mohm+-0.1mohm`)", ""]
+    lines += ["| name | for example | what it is | uncertainty if none is given |", "|---|---|---|---|"]
+    for name, quantity in VALUES.items():
+        default = f"{100 * quantity.relative:g} %" + (f" and {quantity.absolute:g}" if quantity.absolute else "")
+        lines.append(f"| `{name}` | `{quantity.setting.example}` | {quantity.meaning} | {default} |")
+    lines += ["", "## The menu", "", "What `motoremi next` and `motoremi investigate` choose from. Minutes are those of operator, warming and cooling"]
+    lines += ["beside the sweeps: estimates, which a laboratory replaces by its own (`--menu FILE`). What is not predicted is listed and never asked for.", ""]
+    lines += ["| id | instruction | minutes | sweeps |", "|---|---|---|---|"]
+    for one in MENU:
+        lines.append(f"| `{one.name}` | {one.action} | {one.minutes:g} | {', '.join(one.sweeps)}{'' if one.predicted else ' (not predicted)'} |")
+    return "\n".join(lines) + "\n"
 
 
 def effects_page() -> str:

@@ -21,6 +21,8 @@ from few_effects import FEW, seeking
 from nbclient import NotebookClient
 from places import ROOT
 
+from motoremi.diagnosis.informed import NOT_AS_ASKED
+
 pytestmark = pytest.mark.slow
 
 DOCS = ROOT / "docs"
@@ -111,3 +113,9 @@ def test_it_builds_without_warnings_and_refers_to_nothing_outside(tmp_path: Path
     assert "FERRITE_BEAD" in pages["howto/own-effect"]
     for name, text in pages.items():
         assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="(?:https?:)?//', text), name
+
+
+def test_the_table_of_findings_has_every_identifier() -> None:
+    told = set(re.findall(r"^\| `([a-z-]+)` \|", (DOCS / "reference" / "findings.md").read_text("utf-8"), re.MULTILINE))
+    sources = "".join(path.read_text("utf-8") for path in (ROOT / "src" / "motoremi" / "diagnosis").glob("*.py"))
+    assert told == {*re.findall(r'Finding\(\s*"([a-z-]+)"', sources), NOT_AS_ASKED}

@@ -241,7 +241,7 @@ def test_the_guard_band_is_the_same_everywhere():
 def test_exit_statuses_are_those_of_the_errors():
     text = page("hooks.py")
     assert f"{BadInput.exit_status} wrong use" in text
-    assert f"{InstrumentError.exit_status} error of an instrument" in text
+    assert f"{InstrumentError.exit_status} an instrument or scheduler does not answer" in text
     assert f"{Stopped.exit_status} stopped by Ctrl-C" in text
 
 

@@ -25,7 +25,9 @@ Value = TypeVar("Value")
 def fit_(
     path: SessionPath,
     method: Annotated[str, typer.Option(help="ant-colony, or paper for the algorithm as printed in the paper.")] = "ant-colony",
-    seed: Annotated[int, typer.Option(help="Start of the random numbers; the same seed and ladder give the same result.", min=0)] = 1,
+    seed: Annotated[
+        int, typer.Option(help="Start of the random numbers; the same seed, ladder and stored diagnosis give the same result.", min=0)
+    ] = 1,
     bound: Annotated[
         list[str] | None, typer.Option("--bound", metavar="NAME=LOW:HIGH", help='For example "La=1 uH:100 uH"; may be repeated.')
     ] = None,
@@ -40,7 +42,7 @@ def fit_(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit the last model of the session's ladder; at first the paper's circuit."""
+    """Fit every model of the session's ladder again; at first only the paper's circuit."""
     from motoremi.cli.bars import progress_bars
     from motoremi.cli.output import emit_json, quoted, say
     from motoremi.data.session import load
@@ -455,7 +457,9 @@ def plot_(
         str, typer.Argument(metavar="WHAT", help="; ".join(f"{name}: {text}" for name, text in PLOTS.items()) + ".", show_default=False)
     ],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="SVG, PNG or PDF; by default WHAT.svg.")] = None,
-    element: Annotated[str | None, typer.Option("--element", metavar="NAME", help="For inspection: Ra, La, Ca, Rr, Lr, Cr, Cf.")] = None,
+    element: Annotated[
+        str | None, typer.Option("--element", metavar="NAME", help="For inspection: Ra, La, Ca, Rr, Lr, Cr, Cf, or an effect of the model.")
+    ] = None,
     effect: Annotated[str | None, typer.Option("--effect", metavar="ID", help="For signature: an effect of the catalogue.")] = None,
     as_json: AsJson = False,
 ) -> None:

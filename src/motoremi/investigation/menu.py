@@ -112,7 +112,7 @@ EVERYTHING = (*COPPER_AND_IRON, "rotor", "insulation")
 
 MENU = (
     Option(
-        "short-sweep", "short the far end of the winding to its terminal's return and sweep between the terminals", "reference", 2.0, ("short",)
+        "short-sweep", "join the far terminal to the frame and sweep between the two terminals", "reference", 2.0, ("short",)
     ),
     Option("open-sweep", "leave the far end of the winding open and sweep from the terminal to the frame", "reference", 2.0, ("open",)),
     Option("repeats", "repeat both sweeps twice without touching anything", "reference", 2.0),
