@@ -76,8 +76,9 @@ def measurements_page() -> str:
     for name, quantity in VALUES.items():
         default = f"{100 * quantity.relative:g} %" + (f" and {quantity.absolute:g}" if quantity.absolute else "")
         lines.append(f"| `{name}` | `{quantity.setting.example}` | {quantity.meaning} | {default} |")
-    lines += ["", "## The menu", "", "What `motoremi next` and `motoremi investigate` choose from. Minutes are those of operator, warming and cooling"]
-    lines += ["beside the sweeps: estimates, which a laboratory replaces by its own (`--menu FILE`). What is not predicted is listed and never asked for.", ""]
+    lines += ["", "## The menu", "", "What `motoremi next` and `motoremi investigate` choose from. Minutes are those of operator, warming and"]
+    lines += ["cooling beside the sweeps: estimates, which a laboratory replaces by its own (`--menu FILE`)."]
+    lines += ["What is not predicted is listed and never asked for.", ""]
     lines += ["| id | instruction | minutes | sweeps |", "|---|---|---|---|"]
     for one in MENU:
         lines.append(f"| `{one.name}` | {one.action} | {one.minutes:g} | {', '.join(one.sweeps)}{'' if one.predicted else ' (not predicted)'} |")
