@@ -86,11 +86,12 @@ def _least(jobs: Sequence[tuple[Fit, Trail, Solution]], each: Map, progress: Pro
 
     With more modes any of them errs less, also with modes that describe nothing real.
     """
+    beginnings = _unlike(list(each(_begun, jobs)))
     ladders = []
-    for ladder in each(_with_modes, jobs):
+    for ladder in each(_with_modes, beginnings):
         ladders.append(ladder)
         if progress is not None:
-            progress("modes of the winding", len(ladders), len(jobs))
+            progress("modes of the winding", len(ladders), len(beginnings))
     enough = [ladder for ladder in ladders if ladder.steps[-1].explained]
     return min(enough or ladders, key=lambda ladder: (len(ladder.steps) if enough else 0, ladder.steps[-1].rms_error_percent))
 
@@ -111,11 +112,24 @@ class _Ladder(NamedTuple):
     steps: list[Fit]
 
 
-def _with_modes(job: tuple[Fit, Trail, Solution]) -> _Ladder:
+def _begun(job: tuple[Fit, Trail, Solution]) -> _Ladder:
+    """The ordinary parts, fitted on all points."""
     base, trail, end = job
     *fewer, last = by_need(base, (trail, end))
-    steps = [on_all_points(last)]
-    steps.append(steps[0].add(MODES))
-    for portion in further(steps[1], MODES):
+    return _Ladder(fewer, [on_all_points(last)])
+
+
+def _unlike(ladders: Sequence[_Ladder]) -> list[_Ladder]:
+    """Without those whose ordinary parts ended in the minimum of one before: of a measured winding three beginnings of three did."""
+    kept: dict[tuple[Effects, str], _Ladder] = {}
+    for ladder in ladders:
+        end = ladder.steps[-1]
+        kept.setdefault((tuple(sorted(end.effects)), f"{end.rms_error_percent:.3g}"), ladder)
+    return list(kept.values())
+
+
+def _with_modes(ladder: _Ladder) -> _Ladder:
+    steps = [*ladder.steps, ladder.steps[-1].add(MODES)]
+    for portion in further(steps[-1], MODES):
         steps += portion
-    return _Ladder(fewer, steps)
+    return _Ladder(ladder.fewer, steps)
