@@ -468,7 +468,13 @@ def prepared(
     caveats = []
     if measurement is not None:
         left_out = {name for sweep in measurement.sweeps for name in sweep.left_out}
-        caveats = [*measurement.caveats(), *_unlike_repeats(known, left_out), *_without_use(measurement, own, values), *_contradicting(values)]
+        reference = [sweep for sweep in known if sweep.condition is None]
+        caveats = [
+            *measurement.caveats(),
+            *_unlike_repeats(reference, left_out),
+            *_without_use(measurement, own, values),
+            *_contradicting(values),
+        ]
     caveats += chain.remarks()
     caveats += import_notes(spectra)
     seen = tuple(observations(corrected))

@@ -209,3 +209,59 @@ def test_sweeps_below_each_other_are_not_to_be_sorted_into_one(tmp_path: Path) -
         BadInput, match=r"line 8: frequencies must increase, but begin again at 1000 Hz: 3 sweeps stand below each other; save each"
     ):
         read_impedance(tmp_path / "three.csv", "short")
+
+
+@pytest.mark.parametrize("phase", ["theta-z (deg)", "Z phase (deg)", "Impedance phase (deg)"])
+@pytest.mark.parametrize("size", ["S11 (dB)", "Return loss (dB)", "|S11|"])
+def test_a_phase_of_z_is_not_that_of_a_reflection(size, phase, tmp_path):
+    assert "reflection_phase" not in find_columns(table("f (Hz)", size, phase))
+    rows = "\n".join(f"{1e6 + 1e5 * at:.0f},0.5,{10 + at}" for at in range(10))
+    (tmp_path / "s.csv").write_text(f"f (Hz),{size},{phase}\n{rows}\n")
+    with pytest.raises(BadInput, match="the phase is that of Z and the magnitude that of S11"):
+        read_impedance(tmp_path / "s.csv", "short")
+
+
+def test_a_phase_of_z_beside_an_admittance_has_the_other_sign():
+    assert find_columns(table("f (Hz)", "|Y| (S)", "theta-z (deg)"))["admittance_phase"].factor == -1.0
+    assert find_columns(table("f (Hz)", "|Y| (S)", "theta (deg)"))["admittance_phase"].factor == 1.0
+
+
+def written(path: Path, title: str, rows: list[str]) -> Path:
+    path.write_text("\n".join([title, *rows]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("title", "rows", "doubted"),
+    [
+        # 1 MHz to 1.9 MHz in kHz with commas, and the same with decimals elsewhere: then they are decimals everywhere.
+        ("Frequency (kHz),R (Ohm),X (Ohm)", [f'"1,{at}00",13,{80 + at}' for at in range(10)], True),
+        ("Frequency (kHz);R (Ohm);X (Ohm)", [f"1.{at}00;13.5;{80 + at}" for at in range(10)], False),
+        # 15 915 Ohm down to 961 Ohm, and numbers that have decimals only where they need them.
+        ("f (Hz);R (Ohm);X (Ohm)", [f"{1000 + at};1;-{15 - at}.9{at}5" for at in range(1, 8)] + ["2000;1;-961", "2001;1;-905"], True),
+        ("f (Hz);R (Ohm);X (Ohm)", [f"{1000 + at};1;-{15 - at}.9{at}5" for at in range(1, 8)] + ["2000;1;-9.61", "2001;1;-9"], False),
+    ],
+)
+def test_separators_of_thousands_are_told(title, rows, doubted, tmp_path):
+    sweep = read_impedance(written(tmp_path / "s.csv", title, rows), "short")
+    assert any("separator of thousands" in one for one in sweep.metadata.get("warnings", [])) == doubted
+
+
+@pytest.mark.parametrize("line", ["# Z0: 75 Ohm", "# Reference impedance: 75 Ohm", "# reference_impedance_ohm: 75"])
+def test_another_reference_impedance_is_refused(line, tmp_path):
+    rows = [f"{1e6 + 1e5 * at:.0f},0.5,0.1" for at in range(10)]
+    with pytest.raises(BadInput, match="a reference impedance of 75 Ohm, but S11 of a table is read in 50 Ohm"):
+        read_impedance(written(tmp_path / "s.csv", f"{line}\nf (Hz),S11_real,S11_imag", rows), "short")
+    assert len(read_impedance(written(tmp_path / "t.csv", f"{line.replace('75', '50')}\nf (Hz),S11_real,S11_imag", rows), "short")) == 10
+
+
+def test_a_table_without_numbers_is_refused(tmp_path):
+    (tmp_path / "s.csv").write_bytes("°\n#".encode())
+    with pytest.raises(BadInput, match="no numbers"):
+        read_impedance(tmp_path / "s.csv", "short")
+
+
+def test_an_impedance_of_next_to_nothing_is_no_reading(tmp_path):
+    rows = [f"{1e6 + 1e5 * at:.0f},{1e-160 if at == 4 else 1.0},0" for at in range(10)]
+    with pytest.raises(BadInput, match=r"point 5, 1.4e\+06 Hz\); remove the row"):
+        read_impedance(written(tmp_path / "s.csv", "f (Hz),R (Ohm),X (Ohm)", rows), "short")

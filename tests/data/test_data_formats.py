@@ -567,6 +567,13 @@ def test_tinysa(tmp_path: Path, delimiter: str, unit: float) -> None:
     assert spectrum.metadata["detector_assumed"] is True
 
 
+def test_two_columns_that_begin_below_9_khz_are_refused(tmp_path: Path) -> None:
+    """150 kHz to 108 MHz, written in kHz."""
+    text = "".join(f"{f:.3f},-56.1\n" for f in np.geomspace(150.0, 108000.0, 50))
+    with pytest.raises(BadInput, match="the unit of its frequencies is not stated"):
+        read_spectrum(write(tmp_path, text))
+
+
 def test_levels_that_may_be_dbuv_are_refused(tmp_path: Path) -> None:
     text = "".join(f"{f!r},{x!r}\n" for f, x in zip(GRID.tolist(), LEVEL.tolist(), strict=True))
     with pytest.raises(BadInput, match="dBm or in dBuV"):

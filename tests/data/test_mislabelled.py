@@ -162,3 +162,25 @@ def test_import_and_fit_name_the_sweep_that_is_left_out(tmp_path):
     done = motoremi("import", tmp_path / "s", "--append", "--short", later)
     assert "o3.csv are not used" in done.stdout
     assert "repeats are averaged" not in done.stdout
+
+
+def test_exchanged_terminations_are_told_just_below_a_resonance():
+    """A motor of 180 W whose frame and winding resonate at 0.5 MHz: from 150 kHz both sweeps are steeper than a capacitor and an inductor."""
+    frequency = np.geomspace(150e3, 30e6, 151)
+    s = 2j * np.pi * frequency
+    winding = 1 / (1 / (57 + s * 290e-6) + s * 49e-12)
+    frame = 1 / (1 / (27 + s * 1.2e-6 + 1 / (s * 200e-12)) + s * 170e-12)
+
+    assert told_exchanged(frequency, winding + frame, winding)
+    assert not told_exchanged(frequency, winding, winding + frame)
+
+
+def test_one_file_for_both_terminations_is_told():
+    frequency = np.geomspace(150e3, 30e6, 51)
+    ohm = circuit(frequency)
+    same = [ImpedanceSweep(termination, frequency, ohm["short"]) for termination in ("short", "open")]
+
+    assert any("hold the same readings" in remark for remark in Measurement.of(same).caveats())
+    assert not any(
+        "hold the same readings" in remark for remark in Measurement.of([same[0], ImpedanceSweep("open", frequency, ohm["open"])]).caveats()
+    )

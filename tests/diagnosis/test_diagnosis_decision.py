@@ -859,6 +859,30 @@ def test_a_pair_is_named_before_one_effect_that_is_worse_and_needs_larger_errors
 
 
 @pytest.mark.parametrize(
+    ("error_percent", "one_error_percent", "named"),
+    [
+        (0.3, 5.1, True),
+        # No tenth of what the wire alone misses by, more than noise and specification leave, or a wire that these already explain.
+        (0.6, 5.1, False),
+        (2.5, 30.0, False),
+        (0.15, 1.9, False),
+    ],
+)
+def test_a_pair_whose_circuit_errs_a_tenth_as_much_is_named_before_one_effect(error_percent, one_error_percent, named):
+    """Skin effect of a thick strip behind half a metre of wire: the pair needs larger errors of the analyser than the wire alone."""
+    pair = ("lead-inductance", "skin-effect")
+    found = by_a_named_analyser(
+        model((), 0.0, 160.0, 160.0, (), 0.1),
+        model(pair[:1], 2200.0, one_error_percent, one_error_percent, (), 0.9),
+        model(pair, 3800.0, error_percent, error_percent, (), 14.9),
+    )
+    for one in found.values():
+        one.fit.floor_percent = 2.1
+    judgement = decided(found[()].fit, found)  # type: ignore[arg-type]
+    assert (judgement.named, judgement.pair_is_better) == (pair if named else pair[:1], named)
+
+
+@pytest.mark.parametrize(
     ("left_percent", "error_percent", "unusual", "by_waves", "named"),
     [
         (0.79, 0.83, (), False, True),

@@ -90,9 +90,18 @@ def test_keys_without_a_meaning_are_refused(tmp_path: Path, keys: str, more: str
         find_limit(tmp_path / "own.toml")
 
 
-def test_segments_in_megahertz_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "own.toml").write_text(LEVELS.format(keys="", more="").replace("150000, 30000000", "0.15, 30"))
-    with pytest.raises(BadInput, match=r"the segments end at 30 Hz; frequencies are in hertz"):
+@pytest.mark.parametrize(
+    ("segments", "end"),
+    [
+        ("[0.15, 30, 66, 56]", "30 Hz"),
+        # Only the first one in megahertz: what it limits would be lost.
+        ("[0.15, 0.5, 66, 56], [500000, 30000000, 56, 56]", "0.5 Hz"),
+    ],
+)
+def test_segments_in_megahertz_are_refused(tmp_path: Path, segments: str, end: str) -> None:
+    line = f'[[line]]\ndetector = "peak"\nsegments = [{segments}]\n'
+    (tmp_path / "own.toml").write_text(f'title = "Own"\nport = "mains"\n\n{line}')
+    with pytest.raises(BadInput, match=f"a segment ends at {end}; frequencies are in hertz"):
         find_limit(tmp_path / "own.toml")
 
 

@@ -198,7 +198,7 @@ def diagnose_(
     model = as_sum(("paper's circuit", *result.base.effects))
     for text in compare(result.base).where_in_words("deviates most" if result.verdict == "adequate" else "fails"):
         say(f"  {model}: {text}")
-    say("  single effects, best first (p: share of the probability of all sets of effects that were found):")
+    say("  single effects, those named or in a family first (p: share of the probability of all sets of effects that were found):")
     for candidate in result.candidates[:6]:
         probability = after_verdict(result.probabilities[candidate.effect], result.verdict, result.confidence)
         say(f"    {candidate.effect:28s} p {probability:<9.3g} {_errors(candidate.fit)}  {candidate.describe()}")

@@ -38,7 +38,7 @@ _LONGEST_TITLE = 80
 UNITS_GIVEN = "units as given: "
 _NAME_SPELLINGS = str.maketrans({"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "∠": "phase ", "’": "'", "′": "'", "″": "''"})
 _MICRO = str.maketrans("µμ", "uu")
-_DECIBEL = re.compile(r"(?:^|_)db(?:[a-zµμ]*)(?:_|$)")
+_DECIBEL = re.compile(r"(?:^|_)db(?:[a-zµμωΩ]*)(?:_|$)")
 # A unit of levels at the end of a title: dBm, dBuV, dB(uA), dBuV/m.
 _LEVEL_UNIT = re.compile(r"(?:^|_)db(m|_?[nuµμmp]?[vaw](?:_m)?)$")
 
@@ -77,16 +77,18 @@ _FREQUENCY = ("frequency", "freq", "f", "frequenz", "frequence", "frecuencia", "
 _LEVEL = ("level", "amplitude", "power", "pegel")
 _Z, _Y = ("z", *_IMPEDANCE), ("y", "admittance")
 _S11 = ("s11", "reflection", "reflection_coefficient")
+# Names of a phase that say that it is that of Z.
+_PHASE_OF_Z = ("zphz", *_part(_Z, *_PHASE))
 _S11_MAGNITUDE = ("|s11|", *_part(_S11, *_MAGNITUDE))
 # Meanings beside which a phase without a further name is that of the reflection.
-_REFLECTIONS = {"reflection_db", "return_loss", "reflection_magnitude"}
+REFLECTION_SIZES = {"reflection_db", "return_loss", "reflection_magnitude"}
 _QUANTITIES = (
     _Quantity("frequency", HERTZ, _FREQUENCY),
     _Quantity("resistance", OHM, (*_RESISTANCE, "r", *_REAL, "z'", *_part(_Z, *_REAL))),
     _Quantity("reactance", OHM, (*_REACTANCE, "x", "xs", *_IMAGINARY, "z''", *_part(_Z, "xs", *_IMAGINARY))),
     _Quantity("magnitude", OHM, (*_Z, "|z|", "zmod", *(name for name in _MAGNITUDE if not name.startswith("abs")), *_part(_Z, *_MAGNITUDE))),
     # Some LCR meters write the unit behind the symbol, `θr` and `θd`.
-    _Quantity("phase", ANGLE, (*_PHASE, "ph", "th", "phase_angle", "thetar", "thetad", "zphz", *_part(_Z, *_PHASE))),
+    _Quantity("phase", ANGLE, (*_PHASE, "ph", "th", "phase_angle", "thetar", "thetad", *_PHASE_OF_Z)),
     _Quantity("conductance", SIEMENS, ("conductance", "g", "gp", *_part(_Y, *_REAL))),
     _Quantity("susceptance", SIEMENS, ("susceptance", "b", "bp", *_part(_Y, *_IMAGINARY))),
     _Quantity("admittance", SIEMENS, (*_Y, "|y|", *_part(_Y, *_MAGNITUDE))),
@@ -184,7 +186,7 @@ def find_columns(table: Table) -> dict[str, Column]:
     titles = [_title(title) for title in table.columns]
     interpretations = [known.interpreted() if known else None for known in titles]
     meanings = {one[0] for one in interpretations if one}
-    reflects = bool(meanings & _REFLECTIONS) and "reflection_phase" not in meanings
+    reflects = bool(meanings & REFLECTION_SIZES) and "reflection_phase" not in meanings
     for index, (title, known, interpreted) in enumerate(zip(table.columns, titles, interpretations, strict=True)):
         if known is None or interpreted is None:
             continue
@@ -198,10 +200,15 @@ def find_columns(table: Table) -> dict[str, Column]:
             raise BadInput(f"{table.name}: the columns {first!r} and {clean_text(title, 40)!r} both hold the {meaning}; keep one")
         found[meaning] = Column(index, factor)
     if "phase" in found and "magnitude" not in found:
-        if reflects and "reflection_phase" not in found:
+        phase = found["phase"]
+        title = titles[phase.index]
+        of_z = title is not None and title.name in _PHASE_OF_Z
+        if reflects and "reflection_phase" not in found and not of_z:
             found["reflection_phase"] = found.pop("phase")
         elif "admittance" in found and "admittance_phase" not in found:
-            found["admittance_phase"] = found.pop("phase")
+            # The phase of Y is that of Z with the other sign.
+            found["admittance_phase"] = Column(phase.index, -phase.factor if of_z else phase.factor)
+            del found["phase"]
     return found
 
 

@@ -54,8 +54,11 @@ def declared_analyser(
     BadInput
         If the analyser is not known, or its name says another connection than the sweeps.
     """
-    name = named or next((str(s.metadata["analyser"]) for s in sweeps if s.metadata.get("analyser")), DEFAULT_ANALYSER)
-    found = find_analyser(name)
+    found = (
+        find_analyser(named)
+        if named
+        else next((_stated(sweep) for sweep in sweeps if sweep.metadata.get("analyser")), find_analyser(DEFAULT_ANALYSER))
+    )
     used = {ports_of(sweep) for sweep in (*sweeps, *conditioned)}
     if len(used) > 1:
         # They share no error model.
@@ -86,3 +89,18 @@ def refuse_impossible(sweeps: Sequence[ImpedanceSweep], named: str | None) -> No
             raise BadInput(f"{source}: was measured {ports}, but {analyser.name} measures no transmission between two ports; use one of {takes}")
         if analyser.ports and are_reflections([sweep]):
             raise BadInput(f"{source}: holds the reflection at one port, but the analyser is declared as {analyser.name}; leave out the fixture")
+
+
+def _stated(sweep: ImpedanceSweep) -> Analyser:
+    """The analyser that a sweep's metadata name.
+
+    Raises
+    ------
+    BadInput
+        If it is not known; a file's header may hold any text.
+    """
+    try:
+        return find_analyser(str(sweep.metadata["analyser"]))
+    except BadInput as error:
+        source = sweep.metadata.get("source", f"the {sweep.termination} sweep")
+        raise BadInput(f"{source}: its header names the analyser: {error}, or name the right one with --analyser") from error

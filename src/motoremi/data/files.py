@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from motoremi.arrays import FloatArray, JsonDict
+from motoremi.arrays import JsonDict
 from motoremi.data.agilent_ascii import is_agilent_ascii, parse_agilent_ascii
 from motoremi.data.analyser_csv import is_analyser_csv, plain_table
 from motoremi.data.columns import (
+    REFLECTION_SIZES,
     Column,
     columns_found,
     find_columns,
@@ -25,16 +26,16 @@ from motoremi.data.columns import (
 )
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
+from motoremi.data.grouping import grouping_warnings
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, in_rising_order
 from motoremi.data.keysight_trace import is_keysight_trace, parse_keysight_trace
-from motoremi.data.numbers import look_grouped
 from motoremi.data.other_programs import table_of_other_program
 from motoremi.data.plausible import implausible, negative_resistance
 from motoremi.data.quantity import REFLECTION
 from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
 from motoremi.data.rounding import rounding_of
-from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, rising_frequency, used_rows
+from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, refuse_other_reference, rising_frequency, used_rows
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.spectrum_header import kept_header, spectrum_header
 from motoremi.data.spectrum_table import SPECTRUM_EXAMPLE, spectra_of_table
@@ -45,7 +46,6 @@ from motoremi.data.tinysa_csv import is_two_columns, parse_tinysa
 from motoremi.data.touchstone import is_touchstone, option_trouble, parse_touchstone
 from motoremi.errors import BadInput
 from motoremi.given import refuse_other
-from motoremi.quantities import show_band
 
 # Columns of errors, which are not those of the impedance itself.
 _ERRORS = ("sigma_relative", "rounding_relative")
@@ -339,7 +339,7 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None, by_
     used, changes = used_rows(frequency, band, name)
     changes = (*table.left_out, *turned, *changes)
     frequency, table = frequency[used], table.only(used.tolist())
-    warnings = _grouping_warnings(table, found["frequency"], frequency)
+    warnings = grouping_warnings(table, found, frequency)
     header = dict(table.header)
     header.pop("points", None)
     written = header.get("termination")
@@ -356,6 +356,7 @@ def _rows_of_table(given: Table, termination: str, band: Band | None = None, by_
         changes += (f"{pair.title}: the second is below 0 at {below} points, with the sign of the reactance; used without it",) if below else ()
     if pair in REFLECTIONS:
         refuse_between_ports(header, name)
+        refuse_other_reference(header, name)
         warnings += reflection_warnings(REFLECTION.coefficient_of(impedance))
     known = by_digits or "rounding_relative" in found
     rounding = rounding_of(table, found, pair, frequency, impedance) if known else None
@@ -402,6 +403,8 @@ def _wrong_columns(table: Table, found: dict[str, Column]) -> BadInput:
     have = f"found {columns_found(table)}{f'; {unknown}' if unknown else ''}"
     if any(meaning.startswith("level") for meaning in found):
         return WrongKind(f"{table.name}: is an emission spectrum ({have}), but an impedance sweep is needed here")
+    if "phase" in found and found.keys() & REFLECTION_SIZES and "magnitude" not in found:
+        return BadInput(f"{table.name}: {have}: the phase is that of Z and the magnitude that of S11; save both of one quantity")
     troubles = [trouble for trouble in (unit_trouble(table), complex_trouble(table)) if trouble]
     if not troubles and has_decibels(table):
         return BadInput(f"{table.name}: {have}, in another decibel unit; convert to ohm: needed are {IMPEDANCE_COLUMNS}")
@@ -419,12 +422,3 @@ def _wrong_columns(table: Table, found: dict[str, Column]) -> BadInput:
 def _possible_meanings(table: Table) -> set[str]:
     """What the columns may hold by their names, whatever their units."""
     return {meaning for title in with_parts(table).columns for meaning in meanings_of(title)}
-
-
-def _grouping_warnings(table: Table, column: Column, frequency_hz: FloatArray) -> tuple[str, ...]:
-    """A sentence if frequencies in hertz look like thousands with a separator."""
-    cells = [row[column.index] for row in table.rows]
-    if column.factor != 1 or not look_grouped(cells):
-        return ()
-    read = show_band(float(frequency_hz[0]), float(frequency_hz[-1]))
-    return (f"frequencies such as {cells[0]} are read as {read}: if a separator of thousands is meant, write the numbers without it",)

@@ -19,11 +19,25 @@ _SCPI_MARK = 9e37
 
 # A number of four to six digits in groups of three, with the decimal sign between them.
 _GROUPED = re.compile(r"[1-9][0-9]{0,2}\.[0-9]{3}")
+_UP_TO_999 = re.compile(r"[1-9][0-9]{0,2}|0")
+# So many numbers that all have three decimals, none of which is nought, are no coincidence beside whole ones.
+LEAST_GROUPED = 3
 
 
 def look_grouped(cells: list[str]) -> bool:
     """Whether every number of a column, below 1000 if read as it is, could be one in groups of three digits instead: `150.000`."""
     return bool(cells) and all(_GROUPED.fullmatch(cell.strip()) for cell in cells)
+
+
+def look_partly_grouped(cells: list[str]) -> bool:
+    """Whether numbers could be in groups of three digits where they reach 1000: like `15.915`, or whole numbers of up to three digits like `531`.
+
+    Numbers with decimals would end in a nought, and so be shorter, one time in ten.
+    """
+    numbers = [cell.strip().lstrip("+-") for cell in cells]
+    grouped = sum(_GROUPED.fullmatch(number) is not None for number in numbers)
+    whole = sum(_UP_TO_999.fullmatch(number) is not None for number in numbers)
+    return grouped >= LEAST_GROUPED and whole > 0 and grouped + whole == len(numbers)
 
 
 def looks_numeric(cell: str) -> bool:

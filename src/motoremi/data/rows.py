@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -12,16 +13,20 @@ from numpy.typing import NDArray
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.data.columns import Column
 from motoremi.data.immittance import column_values
-from motoremi.data.quantity import ports_written
+from motoremi.data.quantity import REFERENCE_OHM, ports_written
 from motoremi.data.sweep import check_order, inside_band
 from motoremi.data.table import Table
 from motoremi.errors import BadInput
+from motoremi.quantities import parse, show
 
 # Both ends of a band in hertz.
 Band: TypeAlias = tuple[float, float]
 # A reflection coefficient beyond the first number is more than three standard deviations of an ordinary calibration (`analyser`: nanovna) above 1.
 # A sweep says so if more than the second share of its points has one.
 REFLECTS_TOO_MUCH, _OF_POINTS = 1.02, 0.01
+# A reference impedance in a header, and the share by which it may differ from the one that is used.
+_REFERENCE_KEY = re.compile(r"(?:z_?0|(?:reference|ref|system|characteristic)[\s_]*impedance)(?:[\s_]*\(?ohms?\)?)?", re.IGNORECASE)
+SAME_REFERENCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +102,25 @@ def refuse_between_ports(header: Mapping[str, Any], name: str) -> None:
     written = next((ports_written(value) for key, value in header.items() if key.lower() == "fixture"), "")
     if written:
         raise BadInput(f"{name}: its header says fixture {written}, but it holds the reflection at one port; save S21 (.s2p), or remove that line")
+
+
+def refuse_other_reference(header: Mapping[str, Any], name: str) -> None:
+    """Raise `BadInput` if the header of a table of reflections states another reference impedance than the one they are read in.
+
+    A Touchstone file states its own, which is used.
+    """
+    for key, value in header.items():
+        if _REFERENCE_KEY.fullmatch(key) is None:
+            continue
+        try:
+            ohm = parse(value, "Ohm") if isinstance(value, (str, int, float)) else REFERENCE_OHM
+        except BadInput:
+            continue
+        if abs(ohm - REFERENCE_OHM) > SAME_REFERENCE * REFERENCE_OHM:
+            raise BadInput(
+                f"{name}: its header states a reference impedance of {show(ohm, 'Ohm')}, but S11 of a table is read in "
+                f"{show(REFERENCE_OHM, 'Ohm')}: save a Touchstone file (.s1p), which states it, or R and X"
+            )
 
 
 def rising_frequency(table: Table, column: Column) -> FloatArray:

@@ -9,6 +9,7 @@ from functools import partial
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, holds_levels, level_unit, meanings_of, unit_trouble
 from motoremi.data.complex_columns import complex_trouble
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
+from motoremi.data.grouping import grouping_warnings
 from motoremi.data.immittance import PAIRS, column_values
 from motoremi.data.overload import may_mark_overload, overload_of
 from motoremi.data.repeated import Levels, spectrum_of
@@ -54,6 +55,8 @@ def spectra_of_table(table: Table, changes: Sequence[str] = ()) -> list[Spectrum
     frequency = rising_frequency(table, found["frequency"])
     overload, marks = overload_of(table)
     header = {key: value for key, value in table.header.items() if key not in ("points", "detector", "rbw_hz")}
+    if doubts := grouping_warnings(table, found, frequency):
+        header["warnings"] = list(doubts)
     bandwidth = 9e3
     if "rbw_hz" in table.header:
         bandwidth = of_file(table.name, partial(bandwidth_hz, table.header["rbw_hz"]))

@@ -27,6 +27,8 @@ Termination = Literal["short", "open"]
 TERMINATIONS: tuple[Termination, ...] = get_args(Termination)
 # Fewest points of a sweep: a fit of seven parameters needs more points than parameters to be judged.
 MINIMUM_POINTS = 8
+# Impedances beyond these are no readings: contacts have a microohm, insulators 1e15 Ohm.
+LEAST_OHM, MOST_OHM = 1e-12, 1e15
 # Repeats of the analyser with the lowest noise at hand scatter by 6e-5: readings this close, relative to |Z|, are those of one measurement, in the
 # same file or in another format with fewer digits.
 SAME_READINGS = 1e-5
@@ -90,9 +92,16 @@ class ImpedanceSweep(ReadOnlyArrays):
             raise BadInput(f"{termination} sweep: {frequency.size} frequencies but {impedance.size} impedances")
         if not np.all(np.isfinite(impedance)):
             where = int(np.flatnonzero(~np.isfinite(impedance))[0])
-            raise BadInput(f"{termination} sweep: the impedance at point {where + 1} ({frequency[where]:g} Hz) is not a finite number")
-        if np.any(np.abs(impedance) > 1e15) or np.any(impedance == 0):
-            raise BadInput(f"{termination} sweep: an impedance of 0 or above 1e15 Ohm marks a point that was not measured")
+            raise BadInput(
+                f"{termination} sweep: the impedance at point {where + 1} ({frequency[where]:g} Hz) is not a finite number; remove the row"
+            )
+        unmeasured = np.flatnonzero((np.abs(impedance) > MOST_OHM) | (np.abs(impedance) < LEAST_OHM))
+        if unmeasured.size:
+            at = f"point {int(unmeasured[0]) + 1}, {frequency[unmeasured[0]]:g} Hz"
+            raise BadInput(
+                f"{termination} sweep: an impedance of 0 (below {LEAST_OHM:g} Ohm) or above {MOST_OHM:g} Ohm marks a point that was not measured "
+                f"({at}); remove the row"
+            )
         sigma = _relative(sigma_relative, frequency.size, f"{termination} sweep", "sigma_relative")
         rounding = _relative(rounding_relative, frequency.size, f"{termination} sweep", "rounding_relative")
         if condition is not None:

@@ -97,6 +97,8 @@ def parse_table(text: str, name: str, example: str = IMPEDANCE_EXAMPLE) -> Table
             continue
         rows.append(_row(line.text, names, f"{name}, line {line.number}"))
         lines.append(line.number)
+    if not rows:
+        raise BadInput(f"{name}: holds a row of column names but no numbers")
     _use_decimal_points(rows, lines, name)
     first = head.rows[-ending].text if ending else ""
     left_out = (f"the text below the rows is left out ({clean_text(first, 40)!r})",) if ending else ()

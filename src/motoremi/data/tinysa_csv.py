@@ -16,6 +16,8 @@ from motoremi.errors import BadInput
 _DELIMITER = re.compile(r"\s*[,;\t]\s*|\s+")
 # If the typical level is above this, the levels could also be in dBuV.
 _HIGHEST_TYPICAL_DBM = -25.0
+# Emission is measured from 9 kHz (CISPR 16-1-1), so numbers that begin below are hardly hertz.
+LOWEST_HZ = 9e3
 
 
 def is_two_columns(text: str) -> bool:
@@ -52,7 +54,7 @@ def parse_tinysa(text: str, name: str) -> Spectrum:
     if not (np.median(level) <= _HIGHEST_TYPICAL_DBM and level.max() <= 30):
         raise BadInput(f"{name}: its levels could be in dBm or in dBuV; put a line 'frequency_hz,level_dbuv' (or level_dbm) above them")
     factor = 1e6 if frequency.max() < 1e4 else 1.0
-    if factor == 1.0 and frequency.max() < 1e5:
+    if factor == 1.0 and (frequency.max() < 1e5 or frequency.min() < LOWEST_HZ):
         raise BadInput(f"{name}: the unit of its frequencies is not stated; put a line 'frequency_hz,level_dbm' above them")
     metadata = {"detector_assumed": True, "rbw_assumed": True, "read_as": f"dBm in 50 Ohm, frequency in {'MHz' if factor > 1 else 'Hz'}"}
     levels = Levels(frequency * factor, level + DBUV_OF_0_DBM)

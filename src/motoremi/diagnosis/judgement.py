@@ -324,10 +324,10 @@ class Judgement:
     def is_better_than(self, single: Judgement) -> bool:
         """Whether a pair that is not accepted is better than one effect that would be named instead.
 
-        It leaves next to nothing, and a tenth of what that effect leaves. Besides, that effect needs errors far beyond the analyser's specification,
-        and the pair smaller ones (a choke at the brushes behind a capacitor left 0.1 %, and the capacitor alone 65 times as much with 14 times the
-        specification); or the pair's circuit errs a tenth as much, and by no more than noise and specification would leave, which that effect's
-        does not (skin effect of a thick strip behind half a metre of wire: 0.3 %, and the wire alone 5 %, where 2 % would be left).
+        It leaves next to nothing, and a tenth of what that effect leaves. Besides, that effect needs errors far beyond the analyser's
+        specification, and the pair smaller ones (a choke at the brushes behind a capacitor left 0.1 %, and the capacitor alone 65 times as much
+        with 14 times the specification); or the pair's circuit errs a tenth as much, and by no more than noise and specification would leave, which
+        that effect's does not (skin effect of a thick strip behind half a metre of wire: 0.3 %, and the wire alone 5 %, where 2 % would be left).
         """
         pair, one = self.model, single.model
         if len(pair.added) != 2 or len(one.added) != 1 or pair.unusual or self.distributed:

@@ -146,9 +146,10 @@ def _limit(content: JsonDict, name: str, shown: str) -> Limit:
     parsed = tuple(_line(entry, shown) for entry in lines)
     if len({line.detector for line in parsed}) < len(parsed):
         raise BadInput(f"{shown}: two lines for one detector")
-    for detector, last_hz in ((line.detector, line.segments[-1][1]) for line in parsed):
+    for line in parsed:
+        last_hz = min(segment[1] for segment in line.segments)
         if last_hz <= LOWEST_HZ:
-            raise BadInput(f"{shown}, {detector}: the segments end at {last_hz:g} Hz; frequencies are in hertz, as in [150000, 500000, 66, 56]")
+            raise BadInput(f"{shown}, {line.detector}: a segment ends at {last_hz:g} Hz; frequencies are in hertz, as in [150000, 500000, 66, 56]")
     plain = {
         key: clean_text(str(content.get(key, default)), 200) for key, default in (("title", name), ("port", ""), ("lisn", "50uH"), ("note", ""))
     }

@@ -111,9 +111,7 @@ COPPER_AND_IRON = ("winding", "connection")
 EVERYTHING = (*COPPER_AND_IRON, "rotor", "insulation")
 
 MENU = (
-    Option(
-        "short-sweep", "join the far terminal to the frame and sweep between the two terminals", "reference", 2.0, ("short",)
-    ),
+    Option("short-sweep", "join the far terminal to the frame and sweep between the two terminals", "reference", 2.0, ("short",)),
     Option("open-sweep", "leave the far end of the winding open and sweep from the terminal to the frame", "reference", 2.0, ("open",)),
     Option("repeats", "repeat both sweeps twice without touching anything", "reference", 2.0),
     Option("wide-sweep", "sweep as wide as the analyser goes, both terminations", "sweep", 1.0, procedure="wide_sweep"),
