@@ -14,7 +14,7 @@ from places import DATA
 from motoremi.data.csvfiles import write_impedance_csv, write_spectrum_csv
 from motoremi.data.files import read_impedance, read_spectrum
 from motoremi.data.spectrum import Spectrum
-from motoremi.data.sweep import ImpedanceSweep
+from motoremi.data.sweep import LEAST_OHM, ImpedanceSweep
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import MAXIMUM_BYTES
 from motoremi.errors import BadInput
@@ -386,7 +386,7 @@ scalars = st.one_of(st.text(max_size=20), st.integers(-(2**60), 2**60), finite, 
 @given(
     # Frequencies closer than a millionth count as one when a user's file is read.
     frequency=st.lists(st.floats(1e-3, 1e12), min_size=8, max_size=15, unique=True).map(sorted).filter(lambda f: min(np.diff(f) / f[1:]) > 1e-6),
-    resistance=finite,
+    resistance=finite.filter(lambda ohm: abs(ohm) >= LEAST_OHM),
     reactance=finite,
     metadata=st.dictionaries(st.text(max_size=10).filter(str.strip), st.one_of(scalars, st.lists(scalars, max_size=3))),
 )

@@ -201,8 +201,8 @@ def find_columns(table: Table) -> dict[str, Column]:
         found[meaning] = Column(index, factor)
     if "phase" in found and "magnitude" not in found:
         phase = found["phase"]
-        title = titles[phase.index]
-        of_z = title is not None and title.name in _PHASE_OF_Z
+        named = titles[phase.index]
+        of_z = named is not None and named.name in _PHASE_OF_Z
         if reflects and "reflection_phase" not in found and not of_z:
             found["reflection_phase"] = found.pop("phase")
         elif "admittance" in found and "admittance_phase" not in found:

@@ -26,7 +26,6 @@ from motoremi.data.columns import (
 )
 from motoremi.data.complex_columns import complex_trouble, with_parts
 from motoremi.data.conditions import Condition, parse_condition
-from motoremi.data.grouping import grouping_warnings
 from motoremi.data.immittance import IMPEDANCE_COLUMNS, LOSSES, PAIRS, REFLECTIONS, column_values, find_pair, impedance_of, in_rising_order
 from motoremi.data.keysight_trace import is_keysight_trace, parse_keysight_trace
 from motoremi.data.other_programs import table_of_other_program
@@ -36,6 +35,7 @@ from motoremi.data.receiver_dat import is_receiver_dat, parse_receiver_dat
 from motoremi.data.repeated import merge_duplicates
 from motoremi.data.rounding import rounding_of
 from motoremi.data.rows import Band, Rows, reflection_warnings, refuse_between_ports, refuse_other_reference, rising_frequency, used_rows
+from motoremi.data.separators import grouping_warnings
 from motoremi.data.spectrum import Spectrum
 from motoremi.data.spectrum_header import kept_header, spectrum_header
 from motoremi.data.spectrum_table import SPECTRUM_EXAMPLE, spectra_of_table

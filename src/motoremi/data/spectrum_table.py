@@ -9,11 +9,11 @@ from functools import partial
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, holds_levels, level_unit, meanings_of, unit_trouble
 from motoremi.data.complex_columns import complex_trouble
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
-from motoremi.data.grouping import grouping_warnings
 from motoremi.data.immittance import PAIRS, column_values
 from motoremi.data.overload import may_mark_overload, overload_of
 from motoremi.data.repeated import Levels, spectrum_of
 from motoremi.data.rows import rising_frequency
+from motoremi.data.separators import grouping_warnings
 from motoremi.data.spectrum import DETECTORS, Spectrum
 from motoremi.data.spectrum_header import bandwidth_hz
 from motoremi.data.table import Table
