@@ -567,6 +567,25 @@ def test_tinysa(tmp_path: Path, delimiter: str, unit: float) -> None:
     assert spectrum.metadata["detector_assumed"] is True
 
 
+@pytest.mark.parametrize("empty", ["", "---", "-"])
+def test_final_values_with_one_detector_in_each_row(tmp_path: Path, empty: str) -> None:
+    """As EMI software writes them: the other detector's cell is empty."""
+    quasi_peak = "".join(f"{0.5 + at};{60 - at}.5;{empty};66.0;5.5;L1\n" for at in range(4))
+    average = "".join(f"{10.5 + at};{empty};{40 - at}.5;56.0;15.5;N\n" for at in range(3))
+    text = f"Frequency (MHz);QuasiPeak (dBµV);CAverage (dBµV);Limit (dBµV);Margin (dB);Line\n{quasi_peak}{average}"
+    first, second = read_spectra(write(tmp_path, text))
+    assert (first.detector, second.detector) == ("quasi-peak", "cispr-average")
+    assert first.level_dbuv.tolist() == [60.5, 59.5, 58.5, 57.5]
+    assert second.frequency_hz.tolist() == [10.5e6, 11.5e6, 12.5e6]
+    assert "3 of 7 rows have no quasi-peak level" in first.metadata["changes"]
+    # With a single detector a row without a level is a mistake.
+    with pytest.raises(BadInput, match="a value is missing"):
+        read_spectra(write(tmp_path, "# detector: peak\nFrequency (MHz);Level (dBµV)\n0.5;60\n0.6;\n"))
+    nothing = f"Frequency (MHz);QuasiPeak (dBµV);CAverage (dBµV)\n0.5;{empty};{empty}\n"
+    with pytest.raises(BadInput):
+        read_spectra(write(tmp_path, nothing))
+
+
 def test_two_columns_that_begin_below_9_khz_are_refused(tmp_path: Path) -> None:
     """150 kHz to 108 MHz, written in kHz."""
     text = "".join(f"{f:.3f},-56.1\n" for f in np.geomspace(150.0, 108000.0, 50))

@@ -112,6 +112,16 @@ def test_a_point_that_does_not_raise_the_error_above_the_noise_is_told_and_dispr
     assert "outliers at 5e+06 Hz" in check.reasons[0]
 
 
+def test_a_line_with_more_resonances_than_the_model_has_poles_is_told():
+    """A shorted line of 200 m: about forty resonances below 30 MHz, and about seven of one of 30 m."""
+    frequency, rng = np.geomspace(150e3, 30e6, 1201), np.random.default_rng(1)
+    noise = 1 + 1e-4 * (rng.normal(size=frequency.size) + 1j * rng.normal(size=frequency.size))
+    for metres, more in ((200.0, True), (30.0, False)):
+        angle = metres * (2j * np.pi * frequency / 2e8 + 2e-3 * np.sqrt(frequency / 1e6))
+        assert checked([me.ImpedanceSweep("short", frequency, 50 * np.tanh(angle) * noise)]).needs_more_poles == more
+
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_half_a_sweep_from_a_warmer_motor_is_not_causal(seed):
     """The upper half is of a motor whose resonances lie 2 % lower: two runs put together."""

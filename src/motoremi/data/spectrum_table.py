@@ -29,6 +29,10 @@ _IMPEDANCE_MEANINGS = {name for pair in PAIRS for name in (pair.first, pair.seco
 _OFFSETS = {"level": 0.0, "level_dbm": DBUV_OF_0_DBM}
 
 
+# In a table of several detectors a cell without a level: final values are measured with the detector whose limit is near.
+NOT_MEASURED = ("", "-", "--", "---")
+
+
 @dataclass(frozen=True)
 class _LevelColumn:
     detector: str
@@ -66,9 +70,17 @@ def spectra_of_table(table: Table, changes: Sequence[str] = ()) -> list[Spectrum
 
     spectra = []
     for one in columns:
-        levels = Levels(frequency, column_values(table, one.column) + one.offset_db, overload, notes)
+        rows = [row for row, cells in enumerate(table.rows) if len(columns) == 1 or cells[one.column.index].strip() not in NOT_MEASURED]
+        if not rows:
+            continue
+        without = len(table.rows) - len(rows)
+        gaps = (f"{without} of {len(table.rows)} rows have no {one.detector} level",) if without else ()
+        level = column_values(table.only(rows), one.column) + one.offset_db
+        levels = Levels(frequency[rows], level, None if overload is None else overload[rows], (*notes, *gaps))
         metadata = header | ({"read_as": "dBm in 50 Ohm"} if one.offset_db else {})
         spectra.append(of_file(table.name, partial(spectrum_of, one.detector, levels, bandwidth, metadata)))
+    if not spectra:
+        raise BadInput(f"{table.name}: no row has a level")
     return spectra
 
 

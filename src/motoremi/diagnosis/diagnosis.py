@@ -459,7 +459,7 @@ def _concluded(
     inclusion = belief.inclusion
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
     confidence = (
-        _confidence(judgement, verdict, named, families, findings, bool(rivals.taught)) if against is None else RELIABLE[CONTRADICTIONS[against.id]]
+        _confidence(judgement, verdict, named, families, findings, left, bool(rivals.taught)) if against is None else RELIABLE[CONTRADICTIONS[against.id]]
     )
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
@@ -548,7 +548,15 @@ def _verdict(judgement: Judgement, named: Key, families: Sequence[Key], findings
     return "family" if families else "missing-effect"
 
 
-def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Sequence[Key], findings: Sequence[Finding], measured: bool) -> float:
+def _confidence(
+    judgement: Judgement,
+    verdict: Verdict,
+    named: Key,
+    families: Sequence[Key],
+    findings: Sequence[Finding],
+    left: Remainder | None,
+    measured: bool,
+) -> float:
     """Probability of the named set times the lowest `RELIABLE` of all kinds that apply."""
     kinds: list[str] = [verdict if verdict not in ("missing-effect", "family") else "family" if families else "one name"]
     if named and judgement.of_several is not None and not measured:
@@ -579,6 +587,8 @@ def _confidence(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     if verdict == "unexplained" and judgement.nearly_described:
         relaxing = distributed(judgement.closest_found.added)
         kinds.append("unexplained, two relaxations at one place" if relaxing else "unexplained, nearly all described")
+    if verdict == "unexplained" and left is not None and left.causality.needs_more_poles:
+        kinds.append("unexplained, more resonances than a causal model has")
     if verdict == "adequate" and hardly_seen(judgement.model.fit):
         kinds.append("adequate, hardly seen")
     if named and (judgement.model.at_bound or judgement.gain < CLEAR_GAIN):

@@ -185,6 +185,11 @@ class CausalCheck:
         return all(model.describes_the_data for model in self.models.values())
 
     @property
+    def needs_more_poles(self) -> bool:
+        """Whether a sweep has more resonances than a causal model of the most poles has."""
+        return any(model.ended_at_most_poles and not model.describes_the_data for model in self.models.values())
+
+    @property
     def disproved(self) -> bool:
         """Whether no fixed linear circuit can explain at least one of the sweeps."""
         return any(self._disproves(termination) for termination in self.models)
