@@ -121,7 +121,6 @@ def test_a_line_with_more_resonances_than_the_model_has_poles_is_told():
         assert checked([me.ImpedanceSweep("short", frequency, 50 * np.tanh(angle) * noise)]).needs_more_poles == more
 
 
-
 @pytest.mark.parametrize("seed", range(2))
 def test_half_a_sweep_from_a_warmer_motor_is_not_causal(seed):
     """The upper half is of a motor whose resonances lie 2 % lower: two runs put together."""

@@ -69,8 +69,8 @@ NO_ANALYSER_SIGMA = 300.0
 # hidden effects had other values or slightly other laws than the catalogue's: 0.5. Where more was left, it was true in 9 of 9 cases (there, and
 # seed 26113603). If the set was two relaxations at one place, it was true of 4 of 4 motors of that seed, whose layers have a distributed
 # resistance, and of none of 2 of the other generator, which had two relaxations: 0.7.
-# Where a causal model of 25 poles misses too, a search may not find what is in the catalogue: it was wrong in 3 of 3 cases (windings of 36 to 40
-# sections, two independent generators): 0.5.
+# Where a causal model of 25 poles misses by more than 10 % too, a search may not find what is in the catalogue: `unexplained` was wrong in 3 of 3
+# cases (windings of 36 to 40 sections, two independent generators): 0.5.
 # A capacitor of 10 uF between the ports of a network analyser (a real curve), imported as a winding: a capacitance at the terminals took the error
 # from 83 to 75 %, where the analyser may err by 200 %. In five independent generators no motor was like that.
 # Of four motors whose sweeps the instrument had smoothed two were named wrongly, with 0.63 and 0.70 (independent generator).

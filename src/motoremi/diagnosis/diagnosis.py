@@ -458,9 +458,10 @@ def _concluded(
     singles = [one for key, one in judgement.found.items() if len(key) == 1]
     inclusion = belief.inclusion
     probabilities = {one.effect: inclusion.get(one.effect, 0.0) for one in singles}
-    confidence = (
-        _confidence(judgement, verdict, named, families, findings, left, bool(rivals.taught)) if against is None else RELIABLE[CONTRADICTIONS[against.id]]
-    )
+    if against is None:
+        confidence = _confidence(judgement, verdict, named, families, findings, left, bool(rivals.taught))
+    else:
+        confidence = RELIABLE[CONTRADICTIONS[against.id]]
     validation: JsonDict = {} if best.fit is base else cross_validated(best.fit).gain_over(cross_validated(base))
     if verdict in ("unexplained", "data"):
         singles.sort(key=closeness)

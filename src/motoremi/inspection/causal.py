@@ -46,6 +46,8 @@ FARTHEST = 20.0
 NARROWEST = 0.5
 # Narrower resonances than this, in the same steps, may be outliers: the fit is repeated without the point at their top.
 SUSPECT = 1.5
+# An error in percent that no working analyser makes where it is meant to be used.
+MISSES_PERCENT = 10.0
 # If the error of the causal model is below this share of the closest circuit's error, the circuit lacks physics, even if the causal model does
 # not reach the noise: the noise of a single sweep is only estimated from its scatter, and a few points that stand out by 0.1 %, where the analyser
 # switches ranges, are not why a circuit misses by 60 %.
@@ -186,8 +188,8 @@ class CausalCheck:
 
     @property
     def needs_more_poles(self) -> bool:
-        """Whether a sweep has more resonances than a causal model of the most poles has."""
-        return any(model.ended_at_most_poles and not model.describes_the_data for model in self.models.values())
+        """Whether a causal model of the most poles misses a sweep by more than any analyser errs: it has more resonances."""
+        return any(model.ended_at_most_poles and model.rms_error_percent > MISSES_PERCENT for model in self.models.values())
 
     @property
     def disproved(self) -> bool:
