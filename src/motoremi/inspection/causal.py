@@ -46,8 +46,6 @@ FARTHEST = 20.0
 NARROWEST = 0.5
 # Narrower resonances than this, in the same steps, may be outliers: the fit is repeated without the point at their top.
 SUSPECT = 1.5
-# An error in percent that no working analyser makes where it is meant to be used.
-MISSES_PERCENT = 10.0
 # If the error of the causal model is below this share of the closest circuit's error, the circuit lacks physics, even if the causal model does
 # not reach the noise: the noise of a single sweep is only estimated from its scatter, and a few points that stand out by 0.1 %, where the analyser
 # switches ranges, are not why a circuit misses by 60 %.
@@ -189,7 +187,7 @@ class CausalCheck:
     @property
     def needs_more_poles(self) -> bool:
         """Whether a causal model of the most poles misses a sweep by more than any analyser errs: it has more resonances."""
-        return any(model.ended_at_most_poles and model.rms_error_percent > MISSES_PERCENT for model in self.models.values())
+        return any(model.ended_at_most_poles and model.rms_error_percent > 100 * MOST_ERRING for model in self.models.values())
 
     @property
     def disproved(self) -> bool:
