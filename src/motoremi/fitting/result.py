@@ -272,11 +272,15 @@ class Fit:
 
     @cached_property
     def shown_covariance(self) -> FloatArray:
-        """That of `local_covariance`, and of other solutions that are far: one standard deviation contains each of them."""
+        """That of `local_covariance`, and of other solutions: one standard deviation contains each that is far, two the others.
+
+        Those that are not far are within the rise of a 95 % interval.
+        """
         total = self.local_covariance
-        for step in self.alternatives:
-            if self.far(step[None])[0] and (np.abs(step) > np.sqrt(np.diag(total))).any():
-                total = total + np.outer(step, step)
+        for step, is_far in zip(self.alternatives, self.far(self.alternatives), strict=True):
+            sigmas = 1.0 if is_far else 2.0
+            if (np.abs(step) > sigmas * np.sqrt(np.diag(total))).any():
+                total = total + np.outer(step, step) / sigmas**2
         return total
 
     def far(self, steps: FloatArray) -> BoolArray:
