@@ -129,6 +129,13 @@ def few_effects() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(params=["few", pytest.param("whole", marks=pytest.mark.case)])
+def catalogue(request: pytest.FixtureRequest) -> Iterator[None]:
+    """For tests of verdicts that do not come from the search: a few effects in `make test`, the whole catalogue too in `make cases`."""
+    with seeking() if request.param == "few" else nullcontext():
+        yield
+
+
 @pytest.fixture
 def few_source_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same for a diagnosis of spectra: two effects make as good a ranking as all six."""

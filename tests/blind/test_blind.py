@@ -174,6 +174,7 @@ def test_a_game_is_the_same_in_any_number_of_processes():
         assert one.answer.confidence == pytest.approx(other.answer.confidence, rel=1e-9)
 
 
+@pytest.mark.case
 @pytest.mark.slow
 def test_an_effect_of_unusual_values_is_told_beside_its_equal_and_not_thrown_away():
     # A relaxing core, whose curve a damper with an unusual coupling has as well.
@@ -182,6 +183,7 @@ def test_an_effect_of_unusual_values_is_told_beside_its_equal_and_not_thrown_awa
     assert [set(family) for family in found.families] == [{"permeability-relaxation", "field-coupling"}]
 
 
+@pytest.mark.case
 @pytest.mark.slow
 def test_of_two_equal_curves_the_one_of_usual_size_comes_first():
     # A relaxing slot insulation is exactly a bearing film of more than a nanofarad, which no textbook's bearing has.

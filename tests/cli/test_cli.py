@@ -176,6 +176,7 @@ def test_native_4294a_file_and_real_motor_go_the_whole_way(tmp_path):
 
 
 # All effects, of motor and source, are sought by the demos of the tutorial and of the installed wheel.
+@pytest.mark.case
 @pytest.mark.usefixtures("few_effects", "few_source_effects")
 def test_demo_tells_the_whole_story(tmp_path):
     done = motoremi("demo", "--effect", "dielectric-loss@Cf", "--seed", "5", "--out", tmp_path / "d", "--json")
@@ -197,6 +198,7 @@ def test_demo_tells_the_whole_story(tmp_path):
         assert (tmp_path / "again" / "sweeps" / file.name).read_bytes() == file.read_bytes()
 
 
+@pytest.mark.case
 @pytest.mark.usefixtures("few_effects", "few_source_effects")
 def test_demo_without_a_hidden_effect_is_adequate(tmp_path):
     told = document(motoremi("demo", "--effect", "none", "--seed", "6", "--out", tmp_path / "d", "--json"))
@@ -205,6 +207,7 @@ def test_demo_without_a_hidden_effect_is_adequate(tmp_path):
     assert told["error_after_percent"] < 1.5 * told["floor_percent"]
 
 
+@pytest.mark.case
 def test_a_demo_without_wishes_is_plain_to_see():
     """The error is several per cent, and adding what is named takes it down to what noise and analyser leave."""
     fallen, draws = 0, Random(1)
@@ -435,6 +438,7 @@ def import_two_effects(folder: Path, measure) -> None:
     motoremi("import", folder / "s", "--short", *files[:3], "--open", *files[3:], "--analyser", "4294a")
 
 
+@pytest.mark.case
 @pytest.mark.usefixtures("few_effects")
 def test_two_named_effects_are_shown_and_added_together(tmp_path, measure):
     import_two_effects(tmp_path, measure)

@@ -47,6 +47,7 @@ def test_where_both_terminations_are_nearly_the_same_every_repeat_is_used():
     assert Measurement.of([*shorts, *opened]).mislabelled == ()
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 def test_what_was_left_out_is_a_finding_and_changes_no_verdict():
     found = diagnose(fit(dc_motor(), [SHORT, taken("open", "open", 3), taken("short", "open", 2)]))

@@ -84,8 +84,9 @@ def test_one_sweep_stays_as_it_is():
 
 
 # Eight motors were tried, and all are answered like these two.
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "count"), [(25, 3), (45, 5)])
+@pytest.mark.parametrize(("seed", "count"), [(25, 3), pytest.param(45, 5, marks=pytest.mark.case)])
 def test_a_sound_motor_whose_leads_moved_is_adequate_and_told_so(seed, count):
     measurement = Measurement.of([*connected_anew(seed, count), *connected_anew(seed + 1, count, "open")], "4294a")
     result = diagnose(me.fit(me.dc_motor(), measurement))

@@ -67,7 +67,7 @@ def test_sweeps_without_noise_and_of_few_points_have_a_noise(count, curve):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", ["relative", "ohm", "siemens"])
+@pytest.mark.parametrize("law", ["relative", *(pytest.param(law, marks=pytest.mark.case) for law in ("ohm", "siemens"))])
 def test_intervals_from_single_sweeps_hold_the_truth(law):
     """With noise of constant size in ohm, those of Rr held it in 60 % when the noise was taken for one that is relative to Z."""
     frequency_hz = FREQUENCY_HZ[::2]

@@ -90,6 +90,8 @@ def test_a_file_without_phase_is_told(tmp_path: Path) -> None:
     assert "|Z| alone is not enough" in warning
 
 
+@pytest.mark.case
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 def test_the_verdict_on_magnitudes_is_data() -> None:
     sweeps = [me.ImpedanceSweep(s.termination, s.frequency_hz, np.abs(s.impedance_ohm)) for s in simulated_sweeps(3)[0]]
@@ -123,6 +125,7 @@ def test_kilohertz_called_megahertz_are_reported() -> None:
     assert implausible(100 * frequency, impedance) == ()
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 def test_the_verdict_is_data(tmp_path: Path) -> None:
     for sweep in simulated_sweeps(3)[0]:

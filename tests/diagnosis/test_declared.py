@@ -32,6 +32,7 @@ def test_a_real_analysers_errors_are_not_taken_for_the_motors(seed, hidden):
     assert found.verdict == "adequate" or "not-as-declared" in {finding.id for finding in found.findings}
 
 
+@pytest.mark.usefixtures("catalogue")
 def test_an_ideal_analyser_is_believed_where_it_is_one():
     motor = SimulatedMotor.random(3, ("core-loss",))
     noise = np.random.default_rng(3)
@@ -69,6 +70,8 @@ def test_a_cable_of_nearly_the_law_of_the_catalogue_does_not_make_the_declaratio
     assert "not-as-declared" not in {finding.id for finding in found.findings}
 
 
+@pytest.mark.case
+@pytest.mark.usefixtures("catalogue")
 def test_a_healthy_motor_on_a_network_analyser_that_was_declared_as_an_impedance_analyser():
     """Directivity, match and tracking of 0.1 % each: at large |Z| several per cent of it, far more than a 4294A errs."""
     rng = np.random.default_rng((21, 1))

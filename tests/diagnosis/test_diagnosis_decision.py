@@ -581,6 +581,7 @@ def test_a_circuit_within_the_stated_accuracy_stands_whatever_fits_better_and_is
     assert judgement.model.added == ()
 
 
+@pytest.mark.case
 @pytest.mark.slow
 def test_a_pair_of_suppressors_is_found_that_the_bare_circuit_misses_by_far():
     case = Case(4711, 9, "one", ("suppressor-capacitor@pair",), 363251374)

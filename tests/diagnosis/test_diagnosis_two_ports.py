@@ -96,6 +96,7 @@ def diagnosed(folder, fixture, seed, effects=(), analyser="unknown", strays=SOUN
     return found
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fixture", "seed"),
@@ -111,13 +112,14 @@ def test_a_healthy_motor_is_adequate(tmp_path, fixture, seed):
 
 # Of eight motors in each fixture most leave a family after a search of pairs, which takes eight times as long.
 @pytest.mark.slow
-@pytest.mark.parametrize(("fixture", "seed"), [pytest.param("series-through", 4, marks=pytest.mark.case), ("shunt-through", 6)])
+@pytest.mark.parametrize(("fixture", "seed"), [pytest.param(*one, marks=pytest.mark.case) for one in (("series-through", 4), ("shunt-through", 6))])
 def test_a_hidden_effect_is_named(tmp_path, fixture, seed):
     found = diagnosed(tmp_path, fixture, seed, ("eddy-laminations",))
     assert found.verdict in ("missing-effect", "family")
     assert "eddy-laminations" in {*found.effects, *(one for family in found.families for one in family)}
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 def test_a_fixture_that_nobody_compensated_is_no_effect(tmp_path):
     found = diagnosed(tmp_path, "series-through", 1, (), "nanovna", NOT_COMPENSATED)

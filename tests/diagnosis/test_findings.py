@@ -76,6 +76,7 @@ def test_small_differences_between_repeats_are_not_the_cause_of_a_large_error(le
     assert (finding.id, finding.serious) == ("correlated-noise", serious)
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 def test_where_only_the_analyser_is_seen_no_motor_is_called_adequate():
     """Nothing connected to a network analyser: a tenth of a picofarad, far less than the stray capacitance of its own connector."""
@@ -152,6 +153,7 @@ def test_a_held_value_that_the_sweeps_deny_is_the_finding() -> None:
     assert not of_the_held(me.fit(me.dc_motor(), lossy, analyser="none", held={"Ra": ohm["off"]}))
 
 
+@pytest.mark.case
 @pytest.mark.slow
 def test_a_held_value_is_blamed_beside_an_effect_too() -> None:
     """A leaking insulation, and Ra held at twice its value: no effect describes both, and the analyser was blamed."""
@@ -191,6 +193,7 @@ def nanovna_to_900_mhz(seed: int) -> list[me.ImpedanceSweep]:
     return [me.ImpedanceSweep(termination, frequency, 50 * (1 + one) / (1 - one)) for termination, one in pairs]
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [4, pytest.param(11, marks=pytest.mark.case)])
 def test_leads_that_are_most_of_what_a_nanovna_measures_hide_no_motor_and_are_no_effect(seed):

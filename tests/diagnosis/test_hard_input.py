@@ -90,6 +90,7 @@ def test_sweeps_that_overlap_in_part(hidden):
         assert found.verdict == "adequate"
 
 
+@pytest.mark.usefixtures("catalogue")
 def test_sweeps_that_do_not_overlap():
     found = answer(swept(5, {"short": grid(31, 150e3, 1e6), "open": grid(31, 2e6, 30e6)}), ())
     assert found is None or any("do not overlap" in caveat for caveat in found.to_dict()["caveats"])
@@ -105,17 +106,20 @@ def test_repeats_of_unlike_grids_are_refused_in_one_line(other):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.usefixtures("catalogue")
 def test_eight_points():
     hidden = ("core-loss",)
     found = answer(swept(5, both(grid(8)), hidden), hidden)
     assert found is None or "too-little" in said(found)
 
 
+@pytest.mark.usefixtures("catalogue")
 def test_eight_points_once():
     found = answer(swept(6, both(grid(8)))[::3], (), None)
     assert found is None or "too-little" in said(found)
 
 
+@pytest.mark.usefixtures("catalogue")
 def test_a_decade_full_of_stations():
     hidden = ("core-loss",)
     rng = np.random.default_rng(8)
@@ -130,6 +134,7 @@ def test_a_decade_full_of_stations():
         assert said(found)
 
 
+@pytest.mark.usefixtures("catalogue")
 def test_an_analyser_that_cannot_have_made_the_data():
     """Noise of 1 % and the errors of a handheld analyser, said to be a 4294A's."""
     rng = np.random.default_rng(9)
@@ -144,6 +149,7 @@ def test_an_analyser_that_cannot_have_made_the_data():
     assert said(found) - {"too-little"}
 
 
+@pytest.mark.usefixtures("catalogue")
 def test_three_bad_points_in_each_sweep_change_nothing():
     seed = 3
     rng = np.random.default_rng(seed)
@@ -164,6 +170,7 @@ def test_three_bad_points_in_each_sweep_change_nothing():
         assert "3 of 101 points" in told[termination].why
 
 
+@pytest.mark.usefixtures("catalogue")
 def test_accuracy_that_is_stated_is_all_that_is_asked_for():
     frequency = grid(21)
     place = np.log10(frequency / 2e6)
@@ -201,6 +208,7 @@ def test_hold_on_the_command_line_is_held(tmp_path):
         assert isinstance(refused.exception, BadInput)
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.parametrize(("longer", "seed"), [("open", 5), *(pytest.param(*one, marks=pytest.mark.case) for one in (("open", 6), ("short", 5)))])
 def test_leads_that_differ_between_the_sweeps_are_no_part_of_the_motor(longer, seed):
     """Two or three centimetres more in one sweep look like a short frame strap; what is blamed is the analyser and its connection."""
@@ -213,6 +221,7 @@ def test_leads_that_differ_between_the_sweeps_are_no_part_of_the_motor(longer, s
     assert {find_effect(name).effect.group for name in found.effects} <= {"instrument"}
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.parametrize(("strap_h", "said"), [(22e-9, True), (90e-9, False)])
 def test_of_a_strap_as_short_as_leads_the_report_says_so(strap_h, said):
     rng, frequency = np.random.default_rng(4), grid(201)
@@ -380,7 +389,8 @@ def test_a_capacitance_that_no_winding_has_is_told():
     assert any("Ca = 47" in why and "a capacitor across the terminals" in why for why in reasons)
 
 
-@pytest.mark.parametrize(("termination", "factor"), [("open", 1.3), ("short", 1.3), ("short", 1000.0)])
+@pytest.mark.usefixtures("catalogue")
+@pytest.mark.parametrize(("termination", "factor"), [("short", 1.3), *(pytest.param(*one, marks=pytest.mark.case) for one in (("open", 1.3), ("short", 1000.0)))])
 def test_a_repeat_of_another_motor_or_unit_contradicts_the_others(termination, factor):
     """Their difference was taken for noise or for leads that moved, and the verdict was `adequate` with up to 0.96."""
     rng = np.random.default_rng(12)

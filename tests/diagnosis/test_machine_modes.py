@@ -41,6 +41,7 @@ def base() -> me.Fit:
     return me.fit(dc_motor(), [me.ImpedanceSweep("short", FREQUENCY_HZ, machine(), metadata={"accuracy_percent": "0.5"})])
 
 
+@pytest.mark.case
 @pytest.mark.slow
 def test_a_core_leads_and_modes_describe_a_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine_modes, "ORDINARY", (("permeability-relaxation", "lead-inductance"),))

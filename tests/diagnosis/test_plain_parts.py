@@ -89,6 +89,7 @@ def test_start_values_of_a_cable_without_its_motor(metres: float) -> None:
     assert min(map(abs, phases), default=np.inf) < np.pi / 4
 
 
+@pytest.mark.case
 @pytest.mark.slow
 def test_a_cable_with_a_shorted_end_is_found_by_a_network_analyser() -> None:
     frequency, impedance = shorted_cable(4.96)

@@ -23,8 +23,9 @@ def measured(seed: int, termination: str, as_termination: str, connection: int) 
     return ImpedanceSweep(as_termination, FREQUENCY_HZ, ohm, metadata={"analyser": "4294a"})
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
-@pytest.mark.parametrize("twice", ["short", "open"])
+@pytest.mark.parametrize("twice", ["short", pytest.param("open", marks=pytest.mark.case)])
 def test_one_sweep_under_two_names_is_told_and_nothing_is_named(twice):
     # Motors 7 to 10 are all answered like this; 8 is the quickest.
     sweeps = [measured(8, twice, "short", 0), measured(8, twice, "open", 1)]
@@ -35,6 +36,7 @@ def test_one_sweep_under_two_names_is_told_and_nothing_is_named(twice):
     assert "measured twice" in str(found)
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 def test_no_motors_own_sweeps_are_taken_for_it():
     for seed in range(200):
@@ -59,6 +61,7 @@ def test_a_pair_of_suppressors_hides_the_far_end_at_most_points_and_is_no_sweep_
     assert the_same_twice(Measurement.of(sweeps)) is None
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 def test_one_motor_whose_sweeps_hardly_differ_is_not_said_to_be_measured_twice():
     """A frame of a hundred times the winding's capacitance, on an analyser that errs by more than the sweeps differ: one circuit describes both."""
@@ -83,6 +86,7 @@ def test_sweeps_over_different_bands_are_compared_where_they_overlap():
     assert the_same_twice(Measurement.of([whole, again])) is not None
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 def test_exchanged_sweeps_are_data_and_no_effect():
     renamed = {"short": "open", "open": "short"}

@@ -58,6 +58,7 @@ def with_round_wire(termination: str) -> np.ndarray:
     return winding + 1 / (1 / (39.8 + s * 1.6e-6 + 1 / (s * 424e-12)) + s * 210e-12)
 
 
+@pytest.mark.case
 def test_a_clamp_beside_an_effect_is_named_where_the_analyser_is_shown_to_err_little() -> None:
     """Reflections of an analyser without a name that errs by a few hundred-thousandths: it is assumed to err more than the clamp changes."""
     rng = np.random.default_rng(2)
@@ -74,6 +75,7 @@ def test_a_clamp_beside_an_effect_is_named_where_the_analyser_is_shown_to_err_li
     assert found.best.parameters["contact-resistance.short_ohm"] == pytest.approx(6.0, rel=0.02)
 
 
+@pytest.mark.usefixtures("catalogue")
 @pytest.mark.parametrize(("siemens", "verdict"), [(100e-9, "adequate"), (200e-9, "instrument")])
 def test_an_error_within_what_is_assumed_of_an_unnamed_analyser_is_no_fault(siemens: float, verdict: str) -> None:
     """A residual conductance of the fixture from 1 kHz, where a motor is 190 kOhm: with 100 nS the circuit errs by less than is assumed."""

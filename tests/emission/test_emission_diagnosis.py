@@ -84,7 +84,7 @@ def test_effects_vanish_in_their_limit(effect):
 
 
 # Seeds that were not used while the method was made; the time domain against the formulas.
-@pytest.mark.parametrize("effect", [None, "arc-breakdown", "chopper"])
+@pytest.mark.parametrize("effect", [None, "arc-breakdown", pytest.param("chopper", marks=pytest.mark.case)])
 def test_a_hidden_effect_is_named_and_the_error_falls(effect):
     case = problem(1004, (effect,) if effect else ())
     found = diagnose_emission(case)
@@ -106,7 +106,7 @@ def test_a_hidden_effect_is_named_and_the_error_falls(effect):
 
 
 # Lines 12 kHz apart are hardly wider apart than the receiver's bandwidth; at 4 kHz the pulses run together in pairs.
-@pytest.mark.parametrize(("rate_hz", "duty"), [(12.0e3, 0.31), (4.0e3, 0.72), (27e3, 0.45)])
+@pytest.mark.parametrize(("rate_hz", "duty"), [(12.0e3, 0.31), *(pytest.param(*one, marks=pytest.mark.case) for one in ((4.0e3, 0.72), (27e3, 0.45)))])
 def test_a_chopper_is_found_line_by_line(rate_hz, duty):
     case = problem(1011, ("chopper",), chopper_hz=rate_hz, chopper_duty=duty)
     starts = chopper_starts(case, (), fit_base(case).parameters)
@@ -209,6 +209,7 @@ def test_stations_are_part_of_the_background():
     assert found.best.rms_error_db < 3 * np.hypot(OFFSET_DB, RIPPLE_DB)
 
 
+@pytest.mark.case
 def test_a_background_sweep_explains_itself():
     case = problem(1005, ("background-noise",), with_background=True)
     base = fit_base(case)
@@ -220,6 +221,7 @@ def test_a_background_sweep_explains_itself():
     np.testing.assert_allclose(again.error_db()["peak"][1], added.error_db()["peak"][1])
 
 
+@pytest.mark.case
 def test_without_a_stated_speed_missing_commutations_are_not_named():
     found = diagnose_emission(problem(1006, stated=False))
     assert "commutation-jitter" not in {c.effect.name for c in found.candidates}

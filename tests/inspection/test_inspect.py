@@ -74,6 +74,7 @@ def test_a_hidden_resonance_is_seen_in_the_winding(seed):
         assert best.parameters["coupling"] == pytest.approx(hidden["coupling"], rel=0.02)
 
 
+@pytest.mark.case
 def test_constants_look_constant():
     """Nothing hidden: each element is what it is, at each frequency at which the sweeps tell."""
     sweeps, motor = simulated_sweeps(4)

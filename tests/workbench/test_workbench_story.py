@@ -440,6 +440,7 @@ def fell(page: Page, unit: str) -> tuple[float, float]:
 
 
 @needs_chromium
+@pytest.mark.case
 def test_both_stories_by_keys_alone_from_chosen_files(browser, measured, tmp_path):
     with served(bench_of(tmp_path)) as address:
         watched = Watched(browser, address, viewport=SMALL, color_scheme="dark")
