@@ -390,7 +390,10 @@ def test_a_capacitance_that_no_winding_has_is_told():
 
 
 @pytest.mark.usefixtures("catalogue")
-@pytest.mark.parametrize(("termination", "factor"), [("short", 1.3), *(pytest.param(*one, marks=pytest.mark.case) for one in (("open", 1.3), ("short", 1000.0)))])
+@pytest.mark.parametrize(
+    ("termination", "factor"),
+    [("short", 1.3), pytest.param("open", 1.3, marks=pytest.mark.case), pytest.param("short", 1000.0, marks=pytest.mark.case)],
+)
 def test_a_repeat_of_another_motor_or_unit_contradicts_the_others(termination, factor):
     """Their difference was taken for noise or for leads that moved, and the verdict was `adequate` with up to 0.96."""
     rng = np.random.default_rng(12)

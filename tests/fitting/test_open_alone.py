@@ -17,7 +17,9 @@ MOTORS = 3
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", ["field-coupling", *(pytest.param(effect, marks=pytest.mark.case) for effect in ("permeability-relaxation", "bearing-film"))])
+@pytest.mark.parametrize(
+    "effect", ["field-coupling", *(pytest.param(one, marks=pytest.mark.case) for one in ("permeability-relaxation", "bearing-film"))]
+)
 def test_an_effect_is_fitted_to_the_open_sweep_alone(effect):
     cases = (HardCase(1, 0, "one-termination", (effect,), seed) for seed in itertools.count(1))
     sweeps = [sweeps for case in itertools.islice(cases, 4 * MOTORS) if (sweeps := case.sweeps())[0].termination == "open"][:MOTORS]

@@ -10,6 +10,7 @@ import pytest
 from motoremi.export.realise import realise
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
+from motoremi.model.effects.winding import NO_END_SHARE
 from motoremi.model.motor import dc_motor
 from motoremi.simulate.simulated_motor import SimulatedMotor
 
@@ -51,6 +52,8 @@ def values_of(simulated: SimulatedMotor) -> dict[str, float]:
         values["second-resonance.series_share"] = 0.0
     # The simulated choke's ferrite has one time constant.
     values["suppressor-choke.exponent"] = 1.0
+    # Ca of the simulated lines lies between turns.
+    values |= {f"{line}.end_share": NO_END_SHARE for line in LINES}
     return values
 
 

@@ -165,6 +165,8 @@ def test_formula_text_equals_the_code(identifier):
     start = {**effect.starts[0]}
     if identifier == "range-step":
         start.update(real_step=0.03, imaginary_step=-0.02, frequency_hz=5e6)
+    if "end_share" in start:
+        start.update(end_share=0.3)
     names: dict[str, object] = {
         **TABLE_1, **start, "s": s, "f": frequency, "pi": np.pi, "sqrt": np.sqrt, "tanh": np.tanh, "exp": np.exp, "atan": np.arctan,
         "I0": lambda x: iv(0, x), "I1": lambda x: iv(1, x), "mu0": 1.0, "sigma_copper": COPPER_MU_SIGMA,

@@ -13,12 +13,15 @@ from motoremi.export.realise import impedance_of, realise
 from motoremi.fitting.result import on_fits
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.start import own_values
+from motoremi.model.effects.winding import NO_END_SHARE
 from motoremi.model.motor import dc_motor
 from motoremi.simulate.simulated_motor import SimulatedMotor
 
 FREQUENCY_HZ = np.geomspace(100, 100e6, 121)
 S = 2j * np.pi * FREQUENCY_HZ
 RA, LA, CA, RR, LR, CR, CF = 8.0, 3e-3, 60e-12, 40.0, 1.6e-6, 424e-12, 900e-12
+# Of Ca from one end of the winding to the other.
+END = 0.3
 ELEMENTS = {"Ra": RA, "La": LA, "Ca": CA, "Rr": RR, "Lr": LR, "Cr": CR, "Cf": CF}
 
 
@@ -26,12 +29,12 @@ def chain(s: complex, share: float, n: int, coupling: float, bridge: complex = 0
     """Admittance of all nodes of n sections, shape (n + 1, n + 1), a branch from end to end."""
     order = np.arange(n)
     flux = coupling ** np.abs(order[:, None] - order)
-    sections = np.linalg.inv(RA / n * np.eye(n) + s * LA * flux / flux.sum()) + s * CA * n * np.eye(n)
+    sections = np.linalg.inv(RA / n * np.eye(n) + s * LA * flux / flux.sum()) + s * (1 - END) * CA * n * np.eye(n)
     drop = np.eye(n, n + 1) - np.eye(n, n + 1, 1)
     slots = np.full(n + 1, s * share * CF / n)
     slots[[0, -1]] /= 2
     ends = np.zeros((n + 1, n + 1), dtype=complex)
-    ends[np.ix_([0, n], [0, n])] = bridge * np.array([[1, -1], [-1, 1]])
+    ends[np.ix_([0, n], [0, n])] = (bridge + s * END * CA) * np.array([[1, -1], [-1, 1]])
     return drop.T @ sections @ drop + np.diag(slots) + ends
 
 
@@ -56,8 +59,9 @@ def modelled(termination: str, effects: tuple[str, ...], **values: float) -> np.
     return impedance_of(motor.circuit(termination), {**ELEMENTS, **values}, FREQUENCY_HZ)
 
 
-def sections(share: float, n: int, coupling: float) -> dict[str, float]:
-    return {"winding-sections.share": share, "winding-sections.sections": n, "winding-sections.coupling": coupling}
+def sections(share: float, n: int, coupling: float, end_share: float = END) -> dict[str, float]:
+    own = {"share": share, "sections": n, "coupling": coupling, "end_share": end_share}
+    return {f"winding-sections.{name}": value for name, value in own.items()}
 
 
 @pytest.mark.parametrize("termination", ["short", "open"])
@@ -86,8 +90,10 @@ def test_one_section_is_the_lumped_circuit_and_many_unlinked_ones_are_the_line(t
     lumped, one = modelled(termination, ()), modelled(termination, ("winding-sections",), **sections(1e-9, 1, 0.5))
     np.testing.assert_allclose(one, lumped, rtol=1e-5)
     low = FREQUENCY_HZ < 3e6
-    line = modelled(termination, ("distributed-winding",), **{"distributed-winding.share": 0.6})
-    errors = [np.abs(modelled(termination, ("winding-sections",), **sections(0.6, n, 0.01)) / line - 1)[low].max() for n in (8, 32, 128)]
+    line = modelled(termination, ("distributed-winding",), **{"distributed-winding.share": 0.6, "distributed-winding.end_share": NO_END_SHARE})
+    errors = [
+        np.abs(modelled(termination, ("winding-sections",), **sections(0.6, n, 0.01, NO_END_SHARE)) / line - 1)[low].max() for n in (8, 32, 128)
+    ]
     # Neighbours that link a hundredth leave 2 % of a section's inductance to the ends.
     assert errors[2] < errors[1] < errors[0]
     assert errors[2] < 0.05

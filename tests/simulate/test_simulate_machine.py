@@ -16,6 +16,7 @@ from motoremi.data.sweep import TERMINATIONS
 from motoremi.errors import BadInput
 from motoremi.export.realise import impedance_of
 from motoremi.model.effects import add_effects, find_effect, identifiers
+from motoremi.model.effects.winding import NO_END_SHARE
 from motoremi.model.motor import dc_motor
 from motoremi.schema.procedure import load_procedure
 from motoremi.simulate import hidden_machine, ladders
@@ -31,6 +32,8 @@ OTHERWISE: Mapping[str, Mapping[str, float]] = {
     "second-resonance": {"series_share": 0.0},
     "permeability-relaxation": {"exponent": 1.0, "quality": 1e-9},
     "suppressor-choke": {"exponent": 1.0},
+    "distributed-winding": {"end_share": NO_END_SHARE},
+    "winding-sections": {"end_share": NO_END_SHARE},
     "suppressor-choke@brushes": {"exponent": 1.0},
     **{f"dielectric-relaxation@{place}": {"exponent": 1.0} for place in ("Ca", "Cr", "Cf")},
 }

@@ -601,13 +601,14 @@ def task_without(before: Fit, gone: str) -> Task:
 def values_without(before: Fit, motor: Motor) -> dict[str, float]:
     """Values of a fit for a motor with one effect less, in SI units by name.
 
-    Two lines have one share of the capacitance to the frame, a parameter of the first one: it keeps its value if only the other one is left. Any
-    other parameter that the fit does not have is in the middle of its range.
+    Two lines have one share of the capacitance to the frame and one of Ca, parameters of the first one: they keep their values if only the other
+    one is left. Any other parameter that the fit does not have is in the middle of its range.
     """
     used = motor.used_parameters(*before.measurement.terminations)
     values = dict(before.parameters)
-    if motor.distribution is not None and before.motor.distribution is not None:
-        values[motor.distribution.name] = values[before.motor.distribution.name]
+    for now, then in ((motor.distribution, before.motor.distribution), (motor.ends, before.motor.ends)):
+        if now is not None and then is not None:
+            values[now.name] = values[then.name]
     return {p.name: values.get(p.name, p.middle) for p in motor.parameters if p.name in used}
 
 
@@ -648,8 +649,33 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
     trail, solution, before = job
     # Of a network analyser a fixture may be most of what was measured.
     described = before.measurement.analyser.by_waves and before.marginal.nothing_left >= 0.5 and before.analyser_sigma <= BEYOND_SIGMA
-    whole = arrived_on_all(trail.task, [solution.values], solution.sizes, solution.searched, wanders=not described)
-    return summarise(trail.task, Found(whole, before.history, _searched(trail.task, whole)), before.method, before.seed)
+
+    def arrived(task: Task, values: Mapping[str, float]) -> Fit:
+        whole = arrived_on_all(task, [values], solution.sizes, solution.searched, wanders=not described)
+        return summarise(task, Found(whole, before.history, _searched(task, whole)), before.method, before.seed)
+
+    best = arrived(trail.task, solution.values)
+    # Between the numbers of parts that the search tries.
+    for name, step in _steps_of_parts(trail, before):
+        while (step := step // 2) >= 1:
+            for count in (best.held[name] - step, best.held[name] + step):
+                if count <= most_parts(before.measurement):
+                    values = {**best.parameters, **best.nuisance, name: count}
+                    other = arrived(dataclasses.replace(trail.task, held={**best.held, name: count}), values)
+                    if better_than(best, other):
+                        best = other
+                        break
+    return best
+
+
+def _steps_of_parts(trail: Trail, before: Fit) -> Iterator[tuple[str, float]]:
+    """Each number of parts that the search chose, and how far the next one that it tries is."""
+    for label in trail.task.motor.effects:
+        for short, tried in find_effect(label).effect.tried.items():
+            value = trail.task.held.get(name := f"{label}.{short}")
+            if value in tried and name not in before.held:
+                after = tried[min(tried.index(value) + 1, len(tried) - 1) :]
+                yield name, (after[0] if after[0] != value else value) - value
 
 
 class Known(NamedTuple):

@@ -93,6 +93,8 @@ class Motor:
         From the far end of the winding to the analyser in the short-circuit sweep, in parallel with the path through the frame; nothing is ideal.
     distribution : Parameter, optional
         Share of Cf that is distributed along the winding.
+    ends : Parameter, optional
+        Share of Ca from one end of a distributed winding to the other, instead of between its turns.
     spread : Node, optional
         Impedance to the frame that is distributed along the winding, instead of a share of Cf; Ca is then across the ends of the winding.
     coupled : tuple of Parameter, optional
@@ -112,6 +114,7 @@ class Motor:
     strap: Node | None = None
     tie: Node | None = None
     distribution: Parameter | None = None
+    ends: Parameter | None = None
     spread: Node | None = None
     coupled: tuple[Parameter, Parameter] | None = None
     across: tuple[Node, ...] = ()
@@ -142,7 +145,12 @@ class Motor:
             spread = Scaled(self._insulation("Cf"), laws.split_factor, (share,))
             rest = replace_leaf(frame, "Cf", lambda leaf: Scaled(leaf, laws.rest_factor, (share,)))
             copper, *turns = winding.children
-            seen = self._distributed(end, copper, turns, spread, self.across, rest)
+            across = self.across
+            if self.ends is not None:
+                whole, *branches = turns
+                turns = [Scaled(whole, laws.rest_factor, (self.ends,)), *branches]
+                across = (Scaled(whole, laws.split_factor, (self.ends,)), *across)
+            seen = self._distributed(end, copper, turns, spread, across, rest)
         else:
             whole = self._with_across(winding)
             seen = Series((whole, frame)) if end == "open" else whole

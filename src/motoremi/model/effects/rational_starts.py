@@ -13,6 +13,7 @@ import numpy as np
 
 from motoremi.model.effects.seen import LEAST_OHM, Seen, winding_of
 from motoremi.model.effects.start import Set, Start
+from motoremi.model.motor import BASE_PARAMETERS
 from motoremi.model.path_to_frame import frames
 from motoremi.model.rational import Rational
 
@@ -27,11 +28,11 @@ MODES_EXAMINED, MODES_BEYOND, MODES_TRIED = 90, 1.5, 10
 MODE_QUALITIES = (2.0, 5.0, 15.0)
 # Start value of a cage's share: a measured machine has 0.3 to 0.4.
 CAGE_SHARE = 0.3
-# Winding sections get no start values here if one of these parameters (a distributed winding) is in the model already.
-LINES = frozenset({"machine-winding.slots_f", "distributed-winding.share"})
 # Winding sections: shares of the capacitance at the first resonance that are to the frame, part of the distributed capacitance that acts
 # there (a quarter wave), largest share of Cf, and couplings that are tried.
 SPREAD_PARTS, ACTING, MOST_SPREAD, COUPLINGS = (0.3, 0.6, 0.9), 0.4, 0.95, (0.02, 0.3, 0.6, 0.85)
+# Where Ca may lie to begin with: nearly all of it between turns, or across the ends; not at the end of the range, where only one direction is left.
+END_SHARES = (0.01, 0.95)
 # Typical elements of the path to the frame of a small motor.
 SMALL_FRAME = {"Rr": 40.0, "Lr": 2e-6, "Cr": 5e-10, "Cf": 5e-10}
 # Uniform line: fewest resonances, largest relative difference of their distances, points of the mean, and the turns' share of the capacitance.
@@ -284,7 +285,7 @@ def uniform_line(seen: Seen) -> list[dict[Any, float]]:
     places = np.linspace(crossings[0], crossings[2 * ((crossings.size - 1) // 2)], LINE_POINTS)
     wave_ohm = float(np.exp(np.mean(np.interp(places, frequency[whole], np.log(np.abs(seen.short_ohm[whole]))))))
     loss_ohm = 2 * float(np.min(np.abs(seen.short_ohm[whole])))
-    line = {Set("La"): wave_ohm * delay_s, Set("Cf"): 2 * delay_s / wave_ohm, "share": 0.5}
+    line = {Set("La"): wave_ohm * delay_s, Set("Cf"): 2 * delay_s / wave_ohm, "share": 0.5, "end_share": END_SHARES[0]}
     return [{**line, Set("Ra"): ra * loss_ohm, Set("Ca"): LINE_TURNS * delay_s / wave_ohm} for ra in (1.0, 0.1)]
 
 
@@ -294,6 +295,8 @@ def distributed_winding(seen: Seen) -> list[dict[Any, float]]:
     A circuit without the line may attribute its resonances to wrong elements, so all of them get new start values.
     """
     lowest, resonance, total = seen.lowest_inductance_h, seen.first_resonance_hz, seen.frame_capacitance_f
+    if sections := _as_in(seen, "winding-sections"):
+        return sections
     starts = uniform_line(seen)
     if lowest is None or resonance is None or total is None or seen.short_ohm is None:
         return starts
@@ -303,14 +306,25 @@ def distributed_winding(seen: Seen) -> list[dict[Any, float]]:
         slots = min(part * whole / ACTING, MOST_SPREAD**2 * total)
         for farad in (slots / MOST_SPREAD, 0.5 * (slots / MOST_SPREAD + total)):
             frame = {Set("Rr"): SMALL_FRAME["Rr"], Set("Lr"): SMALL_FRAME["Lr"], Set("Cr"): max(total - farad, (1 - MOST_SPREAD) * total)}
-            starts.append({**winding, **frame, Set("Ca"): (1 - part) * whole, Set("Cf"): farad, "share": slots / farad})
+            line = {**winding, **frame, Set("Ca"): (1 - part) * whole, Set("Cf"): farad, "share": slots / farad}
+            starts += [{**line, "end_share": end} for end in END_SHARES]
     return starts
+
+
+def _as_in(seen: Seen, effect: str) -> list[dict[Any, float]]:
+    """The elements of a fit with another law of a distributed winding, and where it has its capacitances; empty if the fit has no such law."""
+    shares = {name: seen.parameters.get(f"{effect}.{name}") for name in ("share", "end_share")}
+    known = {name: value for name, value in shares.items() if value is not None}
+    elements = {Set(p.name): seen.parameters[p.name] for p in BASE_PARAMETERS if p.name in seen.parameters}
+    return [{**elements, **known}] if len(known) == len(shares) else []
 
 
 def winding_sections(seen: Seen) -> list[dict[Any, float]]:
     """From the inductance at the lowest frequencies and the first parallel resonance, with several distributions of its capacitance."""
     lowest, resonance = seen.lowest_inductance_h, seen.first_resonance_hz
-    if lowest is None or resonance is None or seen.short_ohm is None or seen.parameters.keys() & LINES:
+    if line := _as_in(seen, "distributed-winding"):
+        return [{**start, "sections": 8.0, "coupling": COUPLINGS[0]} for start in line]
+    if lowest is None or resonance is None or seen.short_ohm is None or "machine-winding.slots_f" in seen.parameters:
         return []
     whole = 1 / ((2 * np.pi * resonance) ** 2 * lowest)
     ohm = max(float(seen.short_ohm.real[0]), 1e-3)
@@ -319,7 +333,7 @@ def winding_sections(seen: Seen) -> list[dict[Any, float]]:
         slots = part * whole / ACTING
         farad = max(seen.parameters.get("Cf", 2 * slots), slots / MOST_SPREAD)
         base = {Set("Ra"): ohm, Set("La"): lowest, Set("Ca"): (1 - part) * whole, Set("Cf"): farad, "share": slots / farad, "sections": 8.0}
-        starts += [{**base, "coupling": coupling} for coupling in COUPLINGS]
+        starts += [{**base, "coupling": coupling, "end_share": end} for end in END_SHARES for coupling in COUPLINGS]
     return starts
 
 

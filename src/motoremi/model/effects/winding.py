@@ -50,8 +50,21 @@ def _cell_as_winding(values: Mapping[str, float]) -> dict[str, float]:
     }
 
 
+# Between neighbouring turns lies all of Ca, or nearly nothing of it: end turns and connections only.
+NO_END_SHARE = 1e-9
+END_SHARE = Parameter(
+    "end_share",
+    "",
+    NO_END_SHARE,
+    1 - NO_END_SHARE,
+    "share of Ca from one end of the winding to the other instead of between turns: connections, brush holders; 1e-9 is none",
+    "linear",
+    special=NO_END_SHARE,
+)
+
+
 def _distributed(motor: Motor, place: str, parameters: Mapping[str, Parameter]) -> Motor:
-    return dataclasses.replace(motor, distribution=parameters["share"])
+    return dataclasses.replace(motor, distribution=parameters["share"], ends=parameters["end_share"])
 
 
 def _film(element: str) -> Change:
@@ -289,12 +302,15 @@ EFFECTS = (
         kin="winding-resonance",
         title="capacitance to the frame spread along the winding",
         formula=(
-            "Zc * tanh(theta), theta = sqrt(Za * share * s * Cf), Zc = sqrt(Za / (share * s * Cf)), "
-            "Za = (Ra + s * La) / (1 + s * Ca * (Ra + s * La))"
+            "1 / (1 / (Zc * tanh(theta)) + s * end_share * Ca), theta = sqrt(Za * share * s * Cf), Zc = sqrt(Za / (share * s * Cf)), "
+            "Za = (Ra + s * La) / (1 + s * (1 - end_share) * Ca * (Ra + s * La))"
         ),
-        parameters=(Parameter("share", "", 0.002, 0.95, "share of Cf that is not at the far end"),),
+        parameters=(
+            Parameter("share", "", 0.002, 0.95, "share of Cf that is not at the far end"),
+            END_SHARE,
+        ),
         limit="share -> 0",
-        limit_values={"share": 1e-12},
+        limit_values={"share": 1e-12, "end_share": NO_END_SHARE},
         signature="the short-circuit sweep turns capacitive and resonant below La-Ca; several regular bumps",
         look_alikes=("second-resonance", "terminal-capacitance"),
         deciding="swap the terminals; ground the far end as a third termination",
@@ -303,7 +319,8 @@ EFFECTS = (
         change=_distributed,
         # Without the effect, the fit counted the distributed capacitance as a part of Ca.
         starts=tuple(
-            {"share": k, Scale("Ca"): c} for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))
+            {"share": k, "end_share": NO_END_SHARE, Scale("Ca"): c}
+            for k, c in ((0.01, 1.0), (0.03, 0.9), (0.06, 0.8), (0.1, 0.7), (0.15, 0.6), (0.22, 0.5), (0.3, 0.3))
         ),
         reader=rational_starts.distributed_winding,
     ),
