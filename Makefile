@@ -40,8 +40,8 @@ test: install
 quick: install
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow'
 
-# Whole diagnoses of single motors that were once judged wrongly, or are one more of a kind in `make test`; less than ten minutes on two cores. Run it
-# after a change of diagnosis or fit.
+# Whole diagnoses of single motors that were once judged wrongly, and long tests that are one more of a kind in `make test`. Run it after a change of
+# diagnosis or fit.
 cases: install
 	$(BIN)/python -m pytest -n $(WORKERS) -m case
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from few_effects import FEW, seeking
 
 import motoremi as me
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
@@ -46,3 +47,30 @@ def test_coupled_sections_are_recognised_from_150_khz() -> None:
     sweeps = [swept(frequency_hz, motor.impedance(name, frequency_hz), name, at) for at, name in enumerate(("short", "open"))]
     found = me.diagnose(me.fit(me.dc_motor(), sweeps))
     assert "winding-sections" in named_or_in_family(found)
+
+
+@pytest.mark.case
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [14, 36])
+def test_a_ladder_with_its_capacitance_across_the_ends_is_recognised(count: int) -> None:
+    """Sections that link no flux, each with its capacitance to the frame; Ca is that of connections and brush holders, not of turns."""
+    frequency_hz = np.geomspace(150e3, 30e6, 401)
+    s = 2j * np.pi * frequency_hz
+    ra, la, ca, spread = 40.0, 120e-6, 50e-12, 550e-12
+    a, b, c, d = 1 + 0 * s, 0 * s, 0 * s, 1 + 0 * s
+    series, half = (ra + s * la) / count, 0.5 * s * spread / count
+    # Of one section: half of its capacitance at either end.
+    own = (1 + series * half, series, half * (2 + series * half), 1 + series * half)
+    for _ in range(count):
+        a, b, c, d = a * own[0] + b * own[2], a * own[1] + b * own[3], c * own[0] + d * own[2], c * own[1] + d * own[3]
+    near, far, between = d / b + s * ca, a / b + s * ca, 1 / b + s * ca
+    frame = 1 / (26.0 + s * 0.9e-6 + 1 / (s * 600e-12)) + s * 90e-12
+    seen = {"short": 1 / near, "open": 1 / (near - between**2 / (far + frame))}
+    sweeps = [swept(frequency_hz, ohm, name, at) for at, (name, ohm) in enumerate(seen.items())]
+    with seeking(FEW | {"distributed-winding", "winding-sections"}):
+        found = me.diagnose(me.fit(me.dc_motor(), sweeps))
+    assert "winding-sections" in named_or_in_family(found)
+    values = found.best.parameters
+    assert values["winding-sections.sections"] == count
+    assert values["winding-sections.end_share"] > 0.9
+    assert values["La"] == pytest.approx(la, rel=0.02)

@@ -18,7 +18,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.aco_r import Colony
 from motoremi.fitting.band_scaling import scaled_ranges, scaled_starts
 from motoremi.fitting.exchange import exchanged
-from motoremi.fitting.marginal import marginal
+from motoremi.fitting.marginal import NOTHING_LEFT, marginal
 from motoremi.fitting.paper_colony import paper_colony
 from motoremi.fitting.polish import Polished, polish
 from motoremi.fitting.problem import Problem, checked_bounds
@@ -655,27 +655,26 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
         return summarise(task, Found(whole, before.history, _searched(task, whole)), before.method, before.seed)
 
     best = arrived(trail.task, solution.values)
-    # Between the numbers of parts that the search tries.
-    for name, step in _steps_of_parts(trail, before):
-        while (step := step // 2) >= 1:
+    for name, step in _steps_of_parts(trail.task, before):
+        # Where nothing is left no other number is better.
+        while (step := step // 2) >= 1 and best.sizes.discrepancy > NOTHING_LEFT:
             for count in (best.held[name] - step, best.held[name] + step):
                 if count <= most_parts(before.measurement):
-                    values = {**best.parameters, **best.nuisance, name: count}
-                    other = arrived(dataclasses.replace(trail.task, held={**best.held, name: count}), values)
+                    task = dataclasses.replace(trail.task, held={**best.held, name: count})
+                    other = arrived(task, {**best.parameters, **best.nuisance, name: count})
                     if better_than(best, other):
                         best = other
                         break
     return best
 
 
-def _steps_of_parts(trail: Trail, before: Fit) -> Iterator[tuple[str, float]]:
+def _steps_of_parts(task: Task, before: Fit) -> Iterator[tuple[str, float]]:
     """Each number of parts that the search chose, and how far the next one that it tries is."""
-    for label in trail.task.motor.effects:
+    for label in task.motor.effects:
         for short, tried in find_effect(label).effect.tried.items():
-            value = trail.task.held.get(name := f"{label}.{short}")
+            value = task.held.get(name := f"{label}.{short}")
             if value in tried and name not in before.held:
-                after = tried[min(tried.index(value) + 1, len(tried) - 1) :]
-                yield name, (after[0] if after[0] != value else value) - value
+                yield name, tried[min(tried.index(value) + 1, len(tried) - 1)] - value
 
 
 class Known(NamedTuple):
