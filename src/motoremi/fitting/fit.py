@@ -655,6 +655,7 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
         return summarise(task, Found(whole, before.history, _searched(task, whole)), before.method, before.seed)
 
     best = arrived(trail.task, solution.values)
+    # The numbers of parts between those that the search tries: half as far with each step.
     for name, step in _steps_of_parts(trail.task, before):
         # Where nothing is left no other number is better.
         while (step := step // 2) >= 1 and best.sizes.discrepancy > NOTHING_LEFT:

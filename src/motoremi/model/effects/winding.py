@@ -50,7 +50,7 @@ def _cell_as_winding(values: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-# Between neighbouring turns lies all of Ca, or nearly nothing of it: end turns and connections only.
+# Stands for none: of a capacitance of exactly zero the impedance is infinite. No resonance shows so small a share.
 NO_END_SHARE = 1e-9
 END_SHARE = Parameter(
     "end_share",
