@@ -91,7 +91,6 @@ def test_a_file_without_phase_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.case
-@pytest.mark.usefixtures("catalogue")
 @pytest.mark.slow
 def test_the_verdict_on_magnitudes_is_data() -> None:
     sweeps = [me.ImpedanceSweep(s.termination, s.frequency_hz, np.abs(s.impedance_ohm)) for s in simulated_sweeps(3)[0]]

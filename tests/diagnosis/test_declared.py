@@ -71,7 +71,6 @@ def test_a_cable_of_nearly_the_law_of_the_catalogue_does_not_make_the_declaratio
 
 
 @pytest.mark.case
-@pytest.mark.usefixtures("catalogue")
 def test_a_healthy_motor_on_a_network_analyser_that_was_declared_as_an_impedance_analyser():
     """Directivity, match and tracking of 0.1 % each: at large |Z| several per cent of it, far more than a 4294A errs."""
     rng = np.random.default_rng((21, 1))

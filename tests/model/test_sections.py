@@ -99,6 +99,17 @@ def test_one_section_is_the_lumped_circuit_and_many_unlinked_ones_are_the_line(t
     assert errors[2] < 0.05
 
 
+@pytest.mark.parametrize("termination", ["short", "open"])
+@pytest.mark.parametrize("law", ["distributed-winding", "winding-sections"])
+@pytest.mark.parametrize("end_share", [0.0, 1.0])
+def test_all_of_a_capacitance_may_lie_between_turns_or_across_the_ends(law, termination, end_share):
+    """Where one of the two is a capacitance of zero, whose impedance is infinite."""
+    own = {"distributed-winding": {"distributed-winding.share": 0.6}, "winding-sections": sections(0.6, 5, 0.3)}[law]
+    got, near = (modelled(termination, (law,), **own | {f"{law}.end_share": value}) for value in (end_share, abs(end_share - 1e-14)))
+    # At 100 MHz, far above the resonance of La with Ca, a change of Ca counts a hundred thousand times and more.
+    np.testing.assert_allclose(got, near, rtol=1e-7)
+
+
 @pytest.mark.parametrize(("line", "own"), [("distributed-winding", {"share": 0.6}), ("machine-winding", {})])
 def test_a_line_that_is_there_already_is_cut_into_sections(line, own):
     start = own_values(find_effect(line).effect.starts[0]) | own

@@ -176,14 +176,20 @@ def gain_step(s: ComplexArray, real_step: Any, imaginary_step: Any, frequency_hz
     return value, (value * above, 1j * value * above, 0 * value)
 
 
+# A smaller share of a capacitance is replaced by this: the impedance of none is infinite.
+LEAST_SHARE = 1e-15
+
+
 def split_factor(s: ComplexArray, share: Any) -> ValueAndSlopes:
     """Factor on the impedance of a capacitance of which the share b is taken: 1 / b."""
+    share = np.maximum(share, LEAST_SHARE)
     return 1 / share, (-1 / share**2,)
 
 
 def rest_factor(s: ComplexArray, share: Any) -> ValueAndSlopes:
     """Factor on the impedance of a capacitance of which the share 1 - b is left: 1 / (1 - b)."""
-    return 1 / (1 - share), (1 / (1 - share) ** 2,)
+    rest = np.maximum(1 - share, LEAST_SHARE)
+    return 1 / rest, (1 / rest**2,)
 
 
 def drift_factor(s: ComplexArray, change: Any) -> ValueAndSlopes:

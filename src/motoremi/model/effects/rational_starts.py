@@ -295,8 +295,8 @@ def distributed_winding(seen: Seen) -> list[dict[Any, float]]:
     A circuit without the line may attribute its resonances to wrong elements, so all of them get new start values.
     """
     lowest, resonance, total = seen.lowest_inductance_h, seen.first_resonance_hz, seen.frame_capacitance_f
-    if sections := _as_in(seen, "winding-sections"):
-        return sections
+    if sections := _from_law(seen, "winding-sections"):
+        return [sections]
     starts = uniform_line(seen)
     if lowest is None or resonance is None or total is None or seen.short_ohm is None:
         return starts
@@ -311,19 +311,19 @@ def distributed_winding(seen: Seen) -> list[dict[Any, float]]:
     return starts
 
 
-def _as_in(seen: Seen, effect: str) -> list[dict[Any, float]]:
-    """The elements of a fit with another law of a distributed winding, and where it has its capacitances; empty if the fit has no such law."""
-    shares = {name: seen.parameters.get(f"{effect}.{name}") for name in ("share", "end_share")}
-    known = {name: value for name, value in shares.items() if value is not None}
+def _from_law(seen: Seen, effect: str) -> dict[Any, float]:
+    """The elements and shares of a fit with another law of a distributed winding; empty if the fit is not of that law."""
+    if f"{effect}.share" not in seen.parameters:
+        return {}
     elements = {Set(p.name): seen.parameters[p.name] for p in BASE_PARAMETERS if p.name in seen.parameters}
-    return [{**elements, **known}] if len(known) == len(shares) else []
+    return {**elements, **{name: seen.parameters[f"{effect}.{name}"] for name in ("share", "end_share")}}
 
 
 def winding_sections(seen: Seen) -> list[dict[Any, float]]:
     """From the inductance at the lowest frequencies and the first parallel resonance, with several distributions of its capacitance."""
     lowest, resonance = seen.lowest_inductance_h, seen.first_resonance_hz
-    if line := _as_in(seen, "distributed-winding"):
-        return [{**start, "sections": 8.0, "coupling": COUPLINGS[0]} for start in line]
+    if line := _from_law(seen, "distributed-winding"):
+        return [{**line, "sections": 8.0, "coupling": COUPLINGS[0]}]
     if lowest is None or resonance is None or seen.short_ohm is None or "machine-winding.slots_f" in seen.parameters:
         return []
     whole = 1 / ((2 * np.pi * resonance) ** 2 * lowest)

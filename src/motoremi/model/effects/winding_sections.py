@@ -58,6 +58,7 @@ EFFECTS = (
             for k, rest in ((0.02, 1.0), (0.08, 0.8), (0.25, 0.5), (0.8, 0.3))
             for c in (0.02, 0.5)
         ),
+        # Further apart the more there are: on all points the fit compares the numbers between.
         tried={"sections": (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0)},
         reader=rational_starts.winding_sections,
         # The coupling of sections changes the inductance between low frequency and the first resonance.
