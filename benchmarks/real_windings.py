@@ -19,7 +19,7 @@ from benchmarks.real_cores import sentences
 from benchmarks.real_motor import largest_errors, model_name, parameter_table
 from motoremi.data.files import read_impedance
 from motoremi.data.sweep import Termination
-from motoremi.fitting.fit import MODES
+from motoremi.fitting.seen_by import MODES
 from motoremi.quantities import show, show_band
 
 BAND_HZ = (150e3, 30e6)

@@ -23,8 +23,10 @@ from motoremi.diagnosis.ladder_step import further, ladder_step
 from motoremi.diagnosis.machine_modes import added_with_modes
 from motoremi.diagnosis.whole_machine import added_near, added_together
 from motoremi.errors import BadInput
-from motoremi.fitting.fit import MODES, Known, also_from, checked_held, fit
+from motoremi.fitting.fit import checked_held, fit
+from motoremi.fitting.known import Known, also_from
 from motoremi.fitting.result import Fit, restore, same_error_model
+from motoremi.fitting.seen_by import MODES
 from motoremi.inspection.compare import Comparison, Tolerance, compare
 from motoremi.inspection.effect_signature import Signature, signature
 from motoremi.inspection.element import Inspection, inspect

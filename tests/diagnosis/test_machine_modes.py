@@ -15,7 +15,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.session import load
 from motoremi.diagnosis import machine_modes
 from motoremi.diagnosis.machine_modes import machine_in_words, machine_with_modes
-from motoremi.fitting.fit import MODES, seen_across
+from motoremi.fitting.seen_by import MODES, seen_across
 from motoremi.model.effects import add_effects
 from motoremi.model.motor import dc_motor
 

@@ -21,8 +21,8 @@ from motoremi.diagnosis import motor_board
 from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
 from motoremi.diagnosis.candidates import candidate
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
-from motoremi.fitting.fit import trail_to
 from motoremi.fitting.race import Raced, Round, Rounds, Trail, race
+from motoremi.fitting.trail import trail_to
 from motoremi.investigation.rivals import BEHIND
 
 BUDGET = Budget()

@@ -11,9 +11,9 @@ from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi.fitting.beside import GLANCED, GLANCED_RESONATING, Pairs
-from motoremi.fitting.fit import trail_to
 from motoremi.fitting.race import Standing
 from motoremi.fitting.result import Fit
+from motoremi.fitting.trail import trail_to
 from motoremi.model.effects import add_effects, find_effect
 
 NAMES = ("skin-effect", "proximity-effect", "range-step", "second-resonance", "dielectric-loss@Cf")

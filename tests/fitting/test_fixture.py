@@ -14,11 +14,12 @@ from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
 from motoremi.diagnosis.candidates import Candidate, possible_effects
 from motoremi.diagnosis.findings import of_the_analyser
-from motoremi.fitting.fit import fit, trail_to
+from motoremi.fitting.fit import fit
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.race import SINGLES, Best, race
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import rough
+from motoremi.fitting.trail import trail_to
 from motoremi.model.motor import dc_motor
 from motoremi.simulate.simulated_motor import SimulatedMotor
 

@@ -13,8 +13,9 @@ from paper_circuit import DAMPED
 import motoremi as me
 from motoremi import workflow
 from motoremi.data.session import SessionWriter, load
-from motoremi.fitting import fit as fitting
-from motoremi.fitting.fit import Known, also_from
+from motoremi.fitting import refit
+from motoremi.fitting.known import Known, also_from
+from motoremi.fitting.marginal import marginal
 from motoremi.fitting.result import Fit, summarise
 from motoremi.fitting.search import Found, Solution
 from motoremi.model.circuit import Tape
@@ -50,7 +51,7 @@ def sweeps(values: Mapping[str, float] = DAMPED, effects: Sequence[str] = ()) ->
 def missed(fit: Fit, values: Mapping[str, float]) -> Fit:
     """What a search that misses the model makes of it: these values, which are not fitted."""
     likelihood = fit.task.likelihood(None, fit.sizes)
-    solution = Solution(likelihood.named(likelihood.vector(values)), fit.sizes, fitting.marginal(likelihood, likelihood.vector(values)), True, 1)
+    solution = Solution(likelihood.named(likelihood.vector(values)), fit.sizes, marginal(likelihood, likelihood.vector(values)), True, 1)
     return summarise(fit.task, Found(solution, (), dict(values)), fit.method, fit.seed)
 
 
@@ -80,7 +81,7 @@ def missing(monkeypatch):
             stopped = dataclasses.replace(before, motor=trail.task.motor, bounds=trail.task.bounds, held=trail.task.held)
             return missed(stopped, {**start, **trail.task.held})
 
-        monkeypatch.setattr(fitting, "followed", nothing)
+        monkeypatch.setattr(refit, "followed", nothing)
 
     return miss
 

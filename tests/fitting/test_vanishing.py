@@ -12,8 +12,9 @@ from workbench_tools import make_fitted_session
 
 import motoremi as me
 from motoremi.diagnosis.ladder_step import ladder_step
-from motoremi.fitting.fit import followed, trail_to
+from motoremi.fitting.refit import followed
 from motoremi.fitting.result import restore
+from motoremi.fitting.trail import trail_to
 from motoremi.model.circuit import Tape
 from motoremi.model.effects import add_effects
 from motoremi.workbench import desk

@@ -25,8 +25,8 @@ from motoremi import workers
 from motoremi.blind.cases import Case
 from motoremi.data.analyser import ADAPTERS, ANALYSERS, FIXTURES, find_analyser
 from motoremi.data.measurement import Measurement
-from motoremi.fitting.fit import trail_to
 from motoremi.fitting.race import raced_alone
+from motoremi.fitting.trail import trail_to
 from motoremi.interrupts import Cancelled, checkpoint
 from motoremi.threads import one_blas_thread
 from motoremi.workers import own_processes, useful_processes

@@ -9,7 +9,7 @@ import numpy as np
 
 from motoremi.arrays import JsonDict, Progress
 from motoremi.diagnosis.candidates import prior_of_values
-from motoremi.fitting.fit import refit_without
+from motoremi.fitting.refit import refit_without
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import misses_by_far
 from motoremi.inspection.compare import compare

@@ -13,10 +13,11 @@ from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import Candidate, Effects, candidate, own_labels, possible_effects
 from motoremi.diagnosis.ladder_step import further
 from motoremi.diagnosis.whole_machine import by_need, falling, in_wider_ranges, nearest
-from motoremi.fitting.fit import MODES, on_all_points
 from motoremi.fitting.race import Trail
+from motoremi.fitting.refit import on_all_points
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Solution
+from motoremi.fitting.seen_by import MODES
 from motoremi.model.effects import find_effect
 from motoremi.quantities import show
 from motoremi.workers import Map

@@ -19,7 +19,7 @@ from motoremi.diagnosis.candidates import (
 )
 from motoremi.diagnosis.explore import Key, ranked
 from motoremi.fitting.beside import Pairs
-from motoremi.fitting.fit import counted, counted_near, on_all_points, parts_of, task_without, trail_to, values_without
+from motoremi.fitting.parts import counted, counted_near, parts_of
 from motoremi.fitting.race import (
     ALIKE_ARRIVING,
     ARRIVING,
@@ -40,8 +40,10 @@ from motoremi.fitting.race import (
     race,
     raced_alone,
 )
+from motoremi.fitting.refit import on_all_points
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import CLOSER, PLAIN, Solution, misses_by_far
+from motoremi.fitting.trail import task_without, trail_to, values_without
 from motoremi.model.effects import find_effect
 from motoremi.progress import part
 from motoremi.workers import Map

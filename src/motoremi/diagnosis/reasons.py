@@ -13,9 +13,9 @@ from motoremi.diagnosis.explore import Key, best_of
 from motoremi.diagnosis.findings import hardly_seen, shows_nothing
 from motoremi.diagnosis.judgement import Judgement, distributed
 from motoremi.diagnosis.machine_modes import machine_in_words
-from motoremi.fitting.fit import MODES
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import BEYOND_SIGMA
+from motoremi.fitting.seen_by import MODES
 from motoremi.inspection.compare import compare
 from motoremi.model.effects import find_effect
 from motoremi.model.effects.effect import Needs

@@ -16,11 +16,12 @@ from motoremi.arrays import Progress
 from motoremi.data.covariance import Sizes
 from motoremi.diagnosis.candidates import Candidate, Effects, candidate, own_labels, possible_effects, prior_of_set
 from motoremi.fitting.band_scaling import bands, scale_factors, scaled_ranges
-from motoremi.fitting.fit import better_than, on_all_points, trail_to
 from motoremi.fitting.race import ALL, Round, Rounds, Trail, race, raced_alone
+from motoremi.fitting.refit import better_than, on_all_points
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Solution, Task
 from motoremi.fitting.starts import base_starts
+from motoremi.fitting.trail import trail_to
 from motoremi.model.effects import Effect, add_effects, find_effect
 from motoremi.model.effects.start import with_start
 from motoremi.model.parameter import Parameter

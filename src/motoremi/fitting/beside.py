@@ -11,9 +11,10 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from motoremi.fitting.fit import parts_of, trail_to
+from motoremi.fitting.parts import parts_of
 from motoremi.fitting.race import Standing, Trail
 from motoremi.fitting.result import Fit
+from motoremi.fitting.trail import trail_to
 from motoremi.model.effects import find_effect
 from motoremi.threads import one_blas_thread
 from motoremi.workers import Map

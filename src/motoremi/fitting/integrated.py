@@ -12,8 +12,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from motoremi.arrays import FloatArray
-from motoremi.fitting.fit import Known, also_from
 from motoremi.fitting.identify import following
+from motoremi.fitting.known import Known, also_from
 from motoremi.fitting.polish import FINE, polish, promised
 from motoremi.fitting.problem import Problem
 from motoremi.fitting.result import Fit

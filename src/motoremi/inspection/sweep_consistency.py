@@ -16,8 +16,9 @@ from motoremi.arrays import JsonDict
 from motoremi.data.covariance import Sizes
 from motoremi.data.measurement import Measurement
 from motoremi.data.sweep import ImpedanceSweep
-from motoremi.fitting.fit import fit, on_all_points
+from motoremi.fitting.fit import fit
 from motoremi.fitting.race import ALL, Round, Rounds, Trail, race
+from motoremi.fitting.refit import on_all_points
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import Task
 from motoremi.fitting.starts import data_driven_starts
