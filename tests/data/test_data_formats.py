@@ -439,6 +439,14 @@ def test_columns_of_complex_numbers(tmp_path: Path, spelling: str) -> None:
         assert sweep.metadata["read_as"] == read_as
 
 
+@pytest.mark.parametrize("spelling", ["{}{}j{}", "({} {} j{})", "{}{}j*{}", "{}{}i {}"])
+def test_complex_numbers_as_engineers_write_them(tmp_path: Path, spelling: str) -> None:
+    """With j in front of the imaginary part."""
+    cells = [spelling.format(repr(z.real), "-" if z.imag < 0 else "+", repr(abs(z.imag))) for z in OPEN.tolist()]
+    text = "f_hz,Z (Ohm)\n" + "".join(f"{f!r},{cell}\n" for f, cell in zip(FREQUENCY.tolist(), cells, strict=True))
+    np.testing.assert_array_equal(read_impedance(write(tmp_path, text), "open").impedance_ohm, OPEN)
+
+
 def test_columns_of_complex_numbers_that_are_refused(tmp_path: Path) -> None:
     text = complex_table("#f, S11_short, Zin, Z", "({:.6e}{:+.6e}j)", OPEN, OPEN, OPEN)
     with pytest.raises(BadInput) as caught:

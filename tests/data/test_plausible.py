@@ -47,6 +47,20 @@ def test_what_is_wrong_is_told(impedance_ohm: np.ndarray, spoilt: Callable[[np.n
     assert wrong_phase(FREQUENCY_HZ, spoilt(impedance_ohm * noise)) == found
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-2])
+@pytest.mark.parametrize("points", [31, 201, 5001])
+def test_a_reactance_without_its_sign_is_told(points: int, noise: float) -> None:
+    """Of a motor; a coil has none to lose."""
+    s = 2j * np.pi * np.geomspace(150e3, 30e6, points)
+    rng = np.random.default_rng(3)
+    branch = 5 + s * 80e-6
+    for impedance_ohm, found in ((branch / (1 + s * 20e-12 * branch) + 1 / (s * 400e-12), "no sign"), (branch, None)):
+        noisy = impedance_ohm * (1 + noise * rng.standard_normal(points))
+        unsigned = noisy.real + 1j * np.abs(noisy.imag)
+        assert wrong_phase(s.imag / (2 * np.pi), unsigned) == found
+        assert any("without its sign" in text for text in implausible(s.imag / (2 * np.pi), unsigned)) == (found is not None)
+
+
 @pytest.mark.parametrize("degrees", [0.0, 1e-6, 0.5, -0.5])
 @pytest.mark.parametrize(
     "impedance_ohm", [1 / (S * 1e-10), 3 + S * 1e-5, np.sqrt(S), motor_like()], ids=["capacitor", "coil", "skin effect", "motor"]

@@ -186,4 +186,5 @@ def test_clear_maxima_are_those_of_scipy(seed: int) -> None:
     walk = np.cumsum(random.normal(size=random.integers(1, 300)))
     for level in (walk, np.round(walk), np.round(walk, 1), np.sort(walk), np.zeros_like(walk), copy.copy(-walk)):
         for prominence in (0.0, 0.5, 3.0):
-            assert clear_maxima(level, prominence) == find_peaks(level, prominence=prominence)[0].tolist()
+            at, found = find_peaks(level, prominence=prominence)
+            assert clear_maxima(level, prominence) == list(zip(at.tolist(), found["prominences"].tolist(), strict=True))

@@ -64,16 +64,18 @@ def fit_(
     for quantity in result.derived():
         bar = error_bar(quantity.value, quantity.sigma) if quantity.sigma < 0.5 * quantity.value else "not determined"
         say(f"  {quantity.name:40s} {show(quantity.value, quantity.unit):>14s}  {bar}")
-    for name in result.undetermined():
-        if name in result.parameters and result.converged:
-            say(f"  the data do not determine {name}: {result.interval(name)}")
+    absorbed = result.said_of_absorbing
+    if absorbed:
+        say(f"  {absorbed}")
+    for name in result.undetermined() if result.converged and not absorbed else ():
+        say(f"  the data do not determine {name}: {result.interval(name)}")
     if result.converged and (other := result.another_solution()):
         say(f"  {other}")
     units = {parameter.name: parameter.unit for parameter in model.parameters}
     for name, (low, high) in bounds.items():
         # A number without a unit is in SI units, and 1 H is easily meant to be 1 uH.
         say(f"  limits given for {name}: {show(low, units[name])} - {show(high, units[name])}")
-    if result.undetermined():
+    if result.undetermined() and not absorbed:
         say(f"  measure next: {next_measurement(result)['why']}")
     holds = {**changed.released, **held}
     limits = {name: pair for name, pair in {**changed.unbounded, **bounds}.items() if name not in holds}
@@ -318,11 +320,12 @@ def _show_step(before: Fit, after: Fit, as_json: bool, details: JsonDict | None 
     )
     for text in beside_the_error(after):
         say(f"  {text}")
-    units = {p.name: p.unit for p in (*before.motor.parameters, *after.motor.parameters)}
+    units = {p.name: p.unit for p in before.motor.parameters}
+    rows = {name: (value, bar) for name, value, bar in after.rows()}
     for name in {**before.parameters, **after.parameters}:
-        old, new = before.parameters.get(name), after.parameters.get(name)
-        texts = [show(value, units[name]) if value is not None else "-" for value in (old, new)]
-        say(f"  {name:34s} {texts[0]:>14s} -> {texts[1]}")
+        old = show(before.parameters[name], units[name]) if name in before.parameters else "-"
+        value, bar = rows.get(name, ("-", ""))
+        say(f"  {name:34s} {old:>14s} -> {value:14s} {bar}".rstrip())
     if details is not None:
         _say_details(details)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -398,6 +399,10 @@ def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
     return ImpedanceSweep(termination, rows.frequency_hz, rows.impedance_ohm, rows.sigma_relative, stated, rounding_relative=rows.rounding_relative)
 
 
+# A title of a reactance without its sign.
+_UNSIGNED = re.compile(r"\s*(\|\s*X\w*\s*\||abs\(\s*X\w*\s*\))", re.IGNORECASE)
+
+
 def _wrong_columns(table: Table, found: dict[str, Column]) -> BadInput:
     unknown = not_understood(table)
     have = f"found {columns_found(table)}{f'; {unknown}' if unknown else ''}"
@@ -406,6 +411,10 @@ def _wrong_columns(table: Table, found: dict[str, Column]) -> BadInput:
     if "phase" in found and found.keys() & REFLECTION_SIZES and "magnitude" not in found:
         return BadInput(f"{table.name}: {have}: the phase is that of Z and the magnitude that of S11; save both of one quantity")
     troubles = [trouble for trouble in (unit_trouble(table), complex_trouble(table)) if trouble]
+    if any(_UNSIGNED.match(title) for title in table.columns):
+        troubles.append("|X| has lost the sign of the reactance: save X with its sign, or |Z| and its phase")
+    elif "magnitude" in found and not troubles:
+        troubles.append("|Z| alone is not enough: save its phase too, or R and X")
     if not troubles and has_decibels(table):
         return BadInput(f"{table.name}: {have}, in another decibel unit; convert to ohm: needed are {IMPEDANCE_COLUMNS}")
     possible = _possible_meanings(table)

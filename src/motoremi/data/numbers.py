@@ -10,8 +10,9 @@ from motoremi.errors import BadInput
 
 _DIGITS = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _NUMBER = re.compile(rf"[+-]?{_DIGITS}")
-# As Python and Matlab write them: `(1.5-2j)`, `1.5 - 2i`, `1.5-2*i`, and `2j` for a real part of 0.
-_COMPLEX = re.compile(rf"(?:([+-]?{_DIGITS})\s*(?=[+-]))?([+-]?)\s*({_DIGITS})\s*\*?\s*[ij]")
+# As Python and Matlab write them: `(1.5-2j)`, `1.5 - 2i`, `1.5-2*i`, and `2j` for a real part of 0; and as engineers do: `1.5-j2`.
+_REAL = rf"(?:([+-]?{_DIGITS})\s*(?=[+-]))?([+-]?)\s*"
+_COMPLEX = re.compile(rf"{_REAL}(?:({_DIGITS})\s*\*?\s*[ij]|[ij]\s*\*?\s*({_DIGITS}))")
 _NOT_A_NUMBER = re.compile(r"[+-]?(?:nan|inf|infinity|1\.#\w+)(?:\(\w*\))?", re.IGNORECASE)
 # SCPI writes 9.91E37 for "not a number" and 9.9E37 for infinity.
 _SCPI_MARK = 9e37
@@ -129,7 +130,7 @@ def complex_parts(cell: str) -> tuple[str, str] | None:
     if text.startswith("(") and text.endswith(")"):
         text = text[1:-1].strip()
     match = _COMPLEX.fullmatch(text)
-    return (match[1] or "0", match[2] + match[3]) if match else None
+    return (match[1] or "0", match[2] + (match[3] or match[4])) if match else None
 
 
 def looks_cut(cell: str, others: list[str]) -> bool:

@@ -32,9 +32,11 @@ def table_of_other_program(text: str, name: str) -> tuple[Table, str] | None:
     Raises
     ------
     BadInput
-        If the file is damaged, or it is not known which of its traces is an impedance.
+        If the file is damaged, it is not known which of its traces is an impedance, or it has to be exported first (Qucs).
     """
     begin = text[:2000].lstrip()
+    if begin.startswith("<Qucs Dataset"):
+        raise BadInput(f"{name}: a dataset of Qucs is not read; export the impedance from Qucs as CSV, or S11 as Touchstone")
     if begin.startswith("{") and '"Measurements"' in begin:
         return _rigexpert(text, name), "rigexpert-asd"
     if begin.startswith("Freq.\t"):

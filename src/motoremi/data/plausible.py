@@ -13,7 +13,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.quantities import show, show_band
 
-WrongPhase: TypeAlias = Literal["wrong sign", "radians", "no phase"]
+WrongPhase: TypeAlias = Literal["wrong sign", "radians", "no phase", "no sign"]
 # Slopes are cut off at those of an L and a C: in a sharp resonance they are much larger, while the phase is not.
 STEEPEST = 1.0
 # Rms slope below which a sweep shows too little of a phase (a resistor).
@@ -25,6 +25,9 @@ LEAST_PHASE = 0.05
 # Where |Z| changes, its phase in radians is about as large as the changes of ln|Z| (of a coil over two decades 1.57 and 1.53 rms), and noise makes
 # both alike: a phase below `LEAST_PHASE` of them was not measured. |Z| that changes by less than this, rms of ln|Z|, may be that of a resistor.
 LEAST_CHANGE = 0.3
+# Where |Z| falls by more than this slope over at least the second share of the span, a passive part is capacitive: a reactance that is positive at
+# all points, with a phase of more than the third part of 90 degrees over most of it, has lost its sign.
+FALLING, OF_SPAN, CLEARLY, GROUPS = -0.3, 0.1, 0.3, 40
 # Re Z below this part of |Z| is no error of calibration, which turns a phase by a few degrees; a sweep says so if more than the second share of
 # its points has one, or if all are below 0.
 LEAST_RESISTANCE, OF_POINTS = -0.1, 0.01
@@ -79,12 +82,31 @@ def wrong_phase(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> WrongP
         return "radians"
     if found.change >= LEAST_CHANGE and found.phase < LEAST_PHASE * found.change:
         return "no phase"
-    return "wrong sign" if found.slope >= LEAST_SLOPE and found.correlation < -ALIKE else None
+    if found.slope >= LEAST_SLOPE and found.correlation < -ALIKE:
+        return "wrong sign"
+    return "no sign" if _without_sign(frequency_hz, impedance_ohm) else None
+
+
+def _without_sign(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> bool:
+    if impedance_ohm.size < 3 or np.any(impedance_ohm.imag < 0):
+        return False
+    # Means of neighbours: between the points of a dense sweep noise would be a slope.
+    groups = np.array_split(np.arange(impedance_ohm.size), min(impedance_ohm.size, GROUPS))
+    place, size, phase = (
+        np.array([values[group].mean() for group in groups])
+        for values in (np.log(frequency_hz), np.log(np.abs(impedance_ohm)), np.angle(impedance_ohm))
+    )
+    weight = np.gradient(place) / np.gradient(place).sum()
+    falling = np.gradient(size, place) < FALLING
+    inductive = falling & (phase > CLEARLY * np.pi / 2)
+    return bool(weight @ falling >= OF_SPAN and weight @ inductive > 0.5 * (weight @ falling))
 
 
 SENTENCES: dict[WrongPhase, str] = {
     "wrong sign": "|Z| rises where the phase is negative and falls where it is positive, which no passive part does: the reactance or the phase "
     "has the wrong sign",
+    "no sign": "the reactance is positive at all points, also where |Z| falls like that of a capacitor: it was saved without its sign; save X "
+    "or the phase with its sign",
     "radians": "the phase is a small part of what the slope of |Z| requires of a passive part: is it in radians, and called degrees?",
     "no phase": "|Z| changes as that of no resistor, but its phase is (almost) zero: |Z| alone is not enough, measure R and X, or phase too",
 }

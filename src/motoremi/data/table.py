@@ -153,7 +153,8 @@ def _row(line: str, names: Names, where: str) -> list[str]:
     if len(cells) < expected:
         raise BadInput(f"{where}: {len(cells)} values for {expected} columns; the row or the file is cut off")
     if len(cells) > expected:
-        raise BadInput(f"{where}: {len(cells)} values for {expected} columns{decimal_comma_hint(cells, names.separator, expected)}")
+        columns = f"{expected} column{'s' if expected > 1 else ''}"
+        raise BadInput(f"{where}: {len(cells)} values for {columns}{decimal_comma_hint(cells, names.separator, expected)}")
     return cells
 
 

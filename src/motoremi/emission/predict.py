@@ -24,8 +24,9 @@ from motoremi.emission.limit import Limit, find_limit
 from motoremi.emission.observe import unsuitable
 from motoremi.emission.setup import MotorImpedance, Setup, scan_frequencies
 from motoremi.errors import BadInput
-from motoremi.fitting.result import Fit
+from motoremi.fitting.result import MUCH_PERCENT, Fit
 from motoremi.given import real_numbers, refuse_other
+from motoremi.quantities import percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -276,6 +277,8 @@ def predict(
         judged = judge_prediction(frequency, {str(name): level for name, level in levels.items()}, bound, guard_db)
     corrected_finals = [corrections.corrected_spectrum(final) for final in finals]
     shown = compliance(running, corrected_finals, judged, bound, guard_db, background) if running else of_prediction(judged, bound)
+    if isinstance(motor, Fit) and not running:
+        shown = replace(shown, reasons=(*_of_the_motor(motor), *shown.reasons))
     return Prediction(
         frequency,
         levels,
@@ -293,6 +296,14 @@ def predict(
         values,
         shown.gaps,
     )
+
+
+def _of_the_motor(fit: Fit) -> list[str]:
+    """How far the motor's circuit errs, where predicted levels err with it by decibels."""
+    error = fit.rms_error_percent
+    if error < MUCH_PERCENT:
+        return []
+    return [f"the circuit of the motor errs by {percent(error, 2)} rms, and the predicted levels err with it: look for what is missing (diagnose)"]
 
 
 def refuse_other_unit(corrections: Corrections, limit: Limit) -> None:

@@ -30,7 +30,7 @@ class Interval:
 
     def __str__(self) -> str:
         if self.open_below and self.open_above:
-            return f"the data say nothing about {self.name}: any value fits"
+            return "any value fits"
         # Two digits of the interval's width.
         digits = 1 + max(2, math.ceil(-math.log10((self.high - self.low) / self.high)))
         low, high = show(self.low, self.unit, digits), show(self.high, self.unit, digits)

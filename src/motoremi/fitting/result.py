@@ -24,7 +24,7 @@ from motoremi.fitting.exchange import EXCHANGEABLE, other_assignment
 from motoremi.fitting.intervals import Derived, Interval
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, scales_of
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem, fixture_parameters
-from motoremi.fitting.search import BEYOND_SIGMA, PLAIN, Found, Solution, Task
+from motoremi.fitting.search import ABSORBING, BEYOND_SIGMA, PLAIN, Found, Solution, Task
 from motoremi.fitting.warming import displacements
 from motoremi.given import refuse_other
 from motoremi.model.circuit import Tape
@@ -55,6 +55,9 @@ EDGE = 1e-6
 FAR = 4.0
 # Of another solution, parameters that differ by more than this share are shown.
 CLEARLY = 0.05
+# From here on a circuit does not describe its motor, and what a fit says of it then.
+MUCH_PERCENT = 10.0
+MISSES = "while the circuit errs so much its elements are not those of the motor: do not quote them, look for what is missing"
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.
 LEAST_LIKELY = 1e-3
 
@@ -80,7 +83,7 @@ class Fit:
     rms_error_percent, rms_error_db : float
         Of Z_model/Z_measured - 1 over all points, mean of repeats: the motor's circuit alone, nothing absorbed.
     corrected_error_percent : float
-        The same with the analyser's most likely error taken off, of which no more than its specification allows, and none where that does not help.
+        The same with the analyser's most likely error subtracted: no more than its specification allows, and none where that does not help.
     analyser_sigma : float
         Size of the analyser's errors, in standard deviations of what is declared.
     noise_percent, floor_percent : float
@@ -488,6 +491,7 @@ class Fit:
             f"  error {percent(self.rms_error_percent)} rms ({self.rms_error_db:.3g} dB); noise and analyser would leave "
             f"{percent(self.floor_percent)}, noise alone {percent(self.noise_percent, 2)}",
             f"  {self.said_of_the_rest}",
+            *([f"  {MISSES}"] if self.rms_error_percent >= MUCH_PERCENT and not self.explained else []),
             *(f"  {name:34s} {value:>14s}  {bar}" for name, value, bar in self.rows()),
             *([f"  not in these sweeps: {', '.join(self.unseen())}"] if self.unseen() else []),
             *(f"  note: {warning}" for warning in self.warnings),
@@ -514,8 +518,20 @@ class Fit:
             return rest
         known = "declared" if self.measurement.analyser.named else "expected of an unknown analyser"
         return (
-            f"with the analyser's likely error taken off {percent(self.corrected_error_percent)} "
+            f"with the analyser's most likely error subtracted {percent(self.corrected_error_percent)} "
             f"({self.analyser_sigma:.1f} sigma of what is {known}); {rest}"
+        )
+
+    @property
+    def said_of_absorbing(self) -> str:
+        """In words, why values are not determined, where that is not for want of data: the misfit may be the analyser's; else empty."""
+        loose, known = self.undetermined(), "declared" if self.measurement.analyser.named else "assumed of an unknown one"
+        if not loose or self.sizes.declared < ABSORBING:
+            return ""
+        errors = f"errors of the analyser, {self.sizes.declared:g} times as large as {known}"
+        return (
+            f"{', '.join(loose)}: the circuit misses these sweeps, and its misfit may also be {errors}; with such errors these values are open. "
+            "Look for what is missing, or name the analyser"
         )
 
     def _repr_html_(self) -> str:

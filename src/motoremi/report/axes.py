@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's colours, distinguishable with any colour vision; line styles differ as well, for grey prints.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
-GREY, BAND_GREY = "#bbbbbb", "#f1f1f1"
+GREY = "#bbbbbb"
 LONGEST_LABEL = 60
 # Room for texts in inches; matplotlib's own layout would take a quarter of the time of a report.
 EDGE, LINE, TICK, BELOW, BETWEEN = 0.07, 0.19, 0.18, 0.52, 0.16

@@ -11,7 +11,17 @@ from motoremi.inspection.compare import Comparison, compare
 from motoremi.model.effects.names import as_sum
 from motoremi.quantities import percent, show_band
 from motoremi.report.contents import Box, Materials, is_result
-from motoremi.report.words import described, findings_of, in_words, is_confirmed, levels_of, mood_of, serious_of, share_of_analyser
+from motoremi.report.words import (
+    described,
+    findings_of,
+    in_words,
+    is_confirmed,
+    levels_of,
+    mood_of,
+    of_another_fit,
+    serious_of,
+    share_of_analyser,
+)
 
 Line = tuple[str, str, str]
 
@@ -37,7 +47,7 @@ def _impedance(materials: Materials) -> Box:
     if steps:
         lines += _before(steps[0])
     if diagnosis is not None:
-        lines += _diagnosis_lines(diagnosis)
+        lines += _diagnosis_lines(diagnosis, steps)
     if steps:
         lines += [_after(steps[-1], diagnosis), *_beside(steps[-1])]
     if diagnosis is not None:
@@ -61,10 +71,15 @@ def spans(where: Sequence[JsonDict], most: int = 3) -> str:
     return f"{'; '.join(found)} of the squared error beyond the uncertainty" if found else "nowhere beyond the uncertainty"
 
 
-def _diagnosis_lines(diagnosis: JsonDict) -> list[Line]:
+def _diagnosis_lines(diagnosis: JsonDict, steps: Sequence[Fit]) -> list[Line]:
     start = diagnosis["base"]["effects"]
+    now = steps[-1].effects if steps else ()
     label = "Diagnosis" + (f" (of the model with {' + '.join(start)})" if start else "")
-    lines: list[Line] = [(label, f"{in_words(diagnosis)}; confidence {100 * diagnosis['confidence']:.0f} %", mood_of(str(diagnosis["verdict"])))]
+    if of_another_fit(diagnosis, steps):
+        label += " (of an earlier fit)"
+    lines: list[Line] = [
+        (label, f"{in_words(diagnosis, now)}; confidence {100 * diagnosis['confidence']:.0f} %", mood_of(str(diagnosis["verdict"])))
+    ]
     lines += [("Not distinguished", ", ".join(family), "plain") for family in diagnosis["families"]]
     return lines + [(f"Found in the data: {one['id']}", f"{one['why']}; {one['remedy']}", "bad") for one in serious_of(findings_of(diagnosis))]
 
@@ -97,9 +112,13 @@ def _judged(comparison: Comparison | None) -> Line:
     if comparison is None:
         return label, "not judged", "plain"
     if comparison.passed:
-        return label, f"PASS: within {tolerance(comparison)} at every point", "good"
+        return label, f"PASS: within {tolerance(comparison)}, or within the measurement's uncertainty, at every point", "good"
     failed = [band for band in comparison.bands if band["verdict"] == "fail"]
-    return label, f"FAIL in {len(failed)} of {len(comparison.bands)} bands (tolerance {tolerance(comparison)} at every point)", "bad"
+    return (
+        label,
+        f"FAIL in {len(failed)} of {len(comparison.bands)} bands (beyond {tolerance(comparison)} and beyond the measurement's uncertainty)",
+        "bad",
+    )
 
 
 def _emission(materials: Materials) -> Box:

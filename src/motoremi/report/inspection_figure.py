@@ -51,7 +51,8 @@ def _engineering() -> object:
 def _draw(inspection: Inspection, curve: ElementCurve, top: Axes, bottom: Axes) -> None:
     known, f = curve.known, curve.frequency_hz
     lossy = inspection.unit in ("H", "F")
-    value = np.where(known, curve.value, np.nan)
+    # Both parts: with a plain nan the imaginary part would be 0.
+    value = np.where(known, curve.value, complex(np.nan, np.nan))
     spread = 2 * np.where(known, curve.sigma_relative, np.nan) * np.abs(value)
     # For the loss tangent, the uncertainty of the imaginary part dominates.
     second, margin = (-value.imag / value.real, np.abs(spread / value.real)) if lossy else (value.imag, spread)
@@ -65,15 +66,16 @@ def _draw(inspection: Inspection, curve: ElementCurve, top: Axes, bottom: Axes) 
         law = tried[0].value(f[known])
         top.plot(f[known], law.real, ":", color=BLUE, linewidth=1.6, label="nearest simple law")
         bottom.plot(f[known], -law.imag / law.real if lossy else law.imag, ":", color=BLUE, linewidth=1.6)
-    for axes, needed in ((top, value.real), (bottom, second)):
-        _limit(axes, needed, spread if axes is top else margin)
+    for axes, needed, width, has in ((top, value.real, spread, curve.model.real), (bottom, second, margin, model)):
+        _limit(axes, needed, width, has)
 
 
-def _limit(axes: Axes, needed: np.ndarray, width: np.ndarray) -> None:
-    """Limit the axis to the best-known points; the uncertainty band may extend beyond it."""
+def _limit(axes: Axes, needed: np.ndarray, width: np.ndarray, has: np.ndarray) -> None:
+    """Limit the axis to the best-known points and the model there; the uncertainty band may extend beyond it."""
     good = np.isfinite(needed) & (width < np.nanquantile(width, 0.8) + 1e-300)
     if not good.any():
         return
-    low, high = float(needed[good].min()), float(needed[good].max())
+    shown = np.concatenate([needed[good], has[good]])
+    low, high = float(shown.min()), float(shown.max())
     margin = 0.15 * (high - low) + 0.01 * max(abs(low), abs(high))
     axes.set_ylim(low - margin, high + margin)

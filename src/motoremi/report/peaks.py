@@ -7,8 +7,8 @@ import numpy as np
 from motoremi.arrays import FloatArray
 
 
-def clear_maxima(level: FloatArray, prominence: float) -> list[int]:
-    """Indices of the maxima with at least the given prominence; the middle one of equal points.
+def clear_maxima(level: FloatArray, prominence: float) -> list[tuple[int, float]]:
+    """Index and prominence of each maximum with at least the given prominence; the middle one of equal points.
 
     The same as `scipy.signal.find_peaks`, whose import alone takes a fifth of the time of a report.
 
@@ -22,7 +22,8 @@ def clear_maxima(level: FloatArray, prominence: float) -> list[int]:
     first, last = np.append(0, edges), np.append(edges, level.size) - 1
     run = level[first]
     tops = 1 + np.flatnonzero((run[1:-1] > run[:-2]) & (run[1:-1] > run[2:]))
-    return [int(at) for at in (first[tops] + last[tops]) // 2 if _stands_out(level, at) >= prominence]
+    found = [(int(at), _stands_out(level, at)) for at in (first[tops] + last[tops]) // 2]
+    return [(at, stands_out) for at, stands_out in found if stands_out >= prominence]
 
 
 def _stands_out(level: FloatArray, at: int) -> float:

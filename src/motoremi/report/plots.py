@@ -20,7 +20,6 @@ from motoremi.inspection.compare import Comparison, compare
 from motoremi.model.effects.names import as_sum
 from motoremi.quantities import percent, show
 from motoremi.report.axes import (
-    BAND_GREY,
     BLACK,
     BLUE,
     GREEN,
@@ -148,19 +147,19 @@ def comparison_figure(comparison: Comparison) -> Figure:
             panel.set_ylim(bottom=0.1 * float(np.median(shown)), top=6 * max(float(shown.max()), float(uncertainty.max()), limit or 0.0))
             panel.set_ylabel(label)
             frequency_axis(panel, curve.frequency_hz, label=panel is axes[-1, column])
-        _shade_bands(axes[:, column], [band for band in comparison.bands if band["sweep"] == sweep])
+        _separate_bands(axes[:, column], [band for band in comparison.bands if band["sweep"] == sweep])
         axes[0, column].set_title(TITLES[sweep], fontsize=10)
     legend_above(figure, *axes.flat)
     return figure
 
 
-def _shade_bands(column: Sequence[Axes], bands: Sequence[JsonDict]) -> None:
-    """Shade every other band and write the verdict of each at the top."""
+def _separate_bands(column: Sequence[Axes], bands: Sequence[JsonDict]) -> None:
+    """A line between the bands, and the verdict of each at the top."""
     for number, band in enumerate(bands):
         low, high = band["band_hz"]
-        for panel in column:
-            if number % 2:
-                panel.axvspan(low, high, color=BAND_GREY, zorder=0)
+        for panel in column if number else ():
+            # No shading: the uncertainty is an area.
+            panel.axvline(low, color=GREY, linestyle=":", linewidth=0.8, zorder=0)
         failed = band["verdict"] == "fail"
         column[0].annotate(
             band["verdict"].upper() if failed else band["verdict"],

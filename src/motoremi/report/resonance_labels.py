@@ -26,8 +26,11 @@ SIZE, LINE, LETTER, GAP, HALF_MARK = 8.0, 10.0, 4.9, 6.0, 3.0
 AT_A_PEAK = ((1, 0.5), (-1, 0.5), (0, 1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 AT_A_DIP = ((0, -1), (1, -0.5), (-1, -0.5), (1, -1), (-1, -1), (1, 1), (-1, 1))
 ALIGNED = {-1: "right", 0: "center", 1: "left"}
-# Cost of a place for each point of the curve's length that it covers, for each other label or mark that it overlaps, and for leaving the panel.
-OF_CURVE, OF_OTHERS, OF_LEAVING = 1, 50, 1000
+# Cost of a place for each point of the curve's length that it covers, for each other label or mark that it overlaps, for each mark to which it is
+# nearer than to its own, as its label would be read, and for leaving the panel.
+OF_CURVE, OF_OTHERS, OF_NEARER, OF_LEAVING = 1, 50, 50, 1000
+# A panel has room for so many labels: the resonances that stand out most are labelled, all are marked.
+MOST_LABELS = 12
 # (left, right, bottom, top).
 Box = tuple[float, float, float, float]
 
@@ -37,7 +40,8 @@ def mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatAr
     low, high = float(magnitude_ohm.min()), float(magnitude_ohm.max())
     axes.set_ylim(low / max(LEAST_BELOW, (high / low) ** SHARE_BELOW), high * ABOVE)
     level = 20 * np.log10(magnitude_ohm)
-    marks = [(index, sign) for sign in (1, -1) for index in clear_maxima(sign * level, CLEAR_DB)]
+    found = sorted(((how_clear, index, sign) for sign in (1, -1) for index, how_clear in clear_maxima(sign * level, CLEAR_DB)), reverse=True)
+    marks = [(index, sign) for _, index, sign in found]
     across, up = _in_points(axes, frequency_hz, magnitude_ohm)
     curve = _evenly_along(across, up)
     panel = _size(axes)
@@ -46,11 +50,14 @@ def mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatAr
     for number, (at, sign) in enumerate(marks):
         place = (frequency_hz[at], magnitude_ohm[at])
         axes.plot(*place, "v" if sign > 0 else "^", color=BLACK, markersize=4)
+        if number >= MOST_LABELS:
+            continue
         text = show(float(frequency_hz[at]), "Hz", 3)
         others = [box for other, box in enumerate(covered) if other != number]
+        other_marks = [(across[other], up[other]) for other, _ in marks if other != at]
         directions = AT_A_PEAK if sign > 0 else AT_A_DIP
         boxes = [_box(direction, text, across[at], up[at]) for direction in directions]
-        chosen = int(np.argmin([_cost(box, curve, others, panel) for box in boxes]))
+        chosen = int(np.argmin([_cost(box, curve, others, panel) + OF_NEARER * _nearer(box, (across[at], up[at]), other_marks) for box in boxes]))
         right, above = directions[chosen]
         covered.append(boxes[chosen])
         axes.annotate(
@@ -102,6 +109,16 @@ def _box(direction: tuple[float, float], text: str, across: float, up: float) ->
     left = across + GAP * direction[0] - {-1: width, 0: width / 2, 1: 0.0}[int(np.sign(direction[0]))]
     bottom = up + GAP * direction[1] - (0.0 if direction[1] > 0 else LINE)
     return left, left + width, bottom, bottom + LINE
+
+
+def _nearer(box: Box, own: tuple[float, float], others: Sequence[tuple[float, float]]) -> int:
+    """How many other marks a label is nearer to than to its own."""
+    return sum(_distance(box, other) < _distance(box, own) for other in others)
+
+
+def _distance(box: Box, mark: tuple[float, float]) -> float:
+    left, right, bottom, top = box
+    return float(np.hypot(max(left - mark[0], 0.0, mark[0] - right), max(bottom - mark[1], 0.0, mark[1] - top)))
 
 
 def _overlap(one: Box, other: Box) -> bool:

@@ -103,8 +103,14 @@ def build_together(materials: Mapping[str, Materials]) -> Report:
         begun=max(begun),
         footer="data " + ", ".join(session_hash(own.session)[:16] for own in materials.values()),
         signatures=("compared by: name, date, signature", "checked by: name, date, signature"),
-        mark=SIMULATED if any(own.session.simulated for own in materials.values()) else "",
+        mark=_mark([name for name, own in materials.items() if own.session.simulated], len(materials)),
     )
+
+
+def _mark(simulated: Sequence[str], sessions: int) -> str:
+    if not simulated or len(simulated) == sessions:
+        return SIMULATED if simulated else ""
+    return f"SIMULATED DATA in {', '.join(simulated)}: no real motor was measured there"
 
 
 def render_together(report: Report) -> dict[str, bytes]:
@@ -190,7 +196,7 @@ def _cause(diagnosis: JsonDict) -> JsonDict:
 
 
 def _line(name: str, materials: Materials) -> Line:
-    cause = "no diagnosis" if materials.diagnosis is None else in_words(materials.diagnosis)
+    cause = "no diagnosis" if materials.diagnosis is None else in_words(materials.diagnosis, materials.steps[-1].effects if materials.steps else ())
     judged = [box.verdict for box in boxes(materials) if box.verdict is not None]
     moods = {mood for *_, mood in judged}
     mood = "bad" if "bad" in moods else "good" if moods == {"good"} else "plain"
@@ -270,7 +276,7 @@ def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) 
     for index, (one, own) in enumerate(zip(sessions, materials.values(), strict=True)):
         errors = [percent(error) for error in one["rms_error_percent"]]
         found = one["diagnosis"]
-        cause = NO_VALUE if found is None else in_words(found)
+        cause = NO_VALUE if found is None else in_words(found, own.steps[-1].effects if own.steps else ())
         if found is not None and found["serious_findings"]:
             cause += f" (found in the data: {', '.join(found['serious_findings'])})"
         rows.append(

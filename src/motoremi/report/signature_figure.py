@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.inspection.effect_signature import Shown, Signature
+from motoremi.model.effects import find_effect
+from motoremi.quantities import show
 from motoremi.report.axes import BLUE, GREEN, GREY, VERMILION, frequency_axis, legend_above, panels
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ def signature_figure(signature: Signature) -> Figure:
         top, bottom = axes[:, column]
         for size, colour in zip(signature.sizes, (GREEN, BLUE, VERMILION), strict=False):
             change, left = size.change[termination], size.remaining[termination]
-            top.plot(frequency, DB * change.real, color=colour, linewidth=1.2, label=_named(size))
+            top.plot(frequency, DB * change.real, color=colour, linewidth=1.2, label=_named(size, signature.effect))
             bottom.plot(frequency, np.degrees(change.imag), color=colour, linewidth=1.2)
             top.plot(frequency, DB * left.real, "--", color=colour, linewidth=1.0)
             bottom.plot(frequency, np.degrees(left.imag), "--", color=colour, linewidth=1.0)
@@ -40,5 +42,7 @@ def signature_figure(signature: Signature) -> Figure:
     return figure
 
 
-def _named(size: Shown) -> str:
-    return ", ".join(f"{name} {value:.3g}" for name, value in size.parameters.items())
+def _named(size: Shown, effect: str) -> str:
+    """The parameters with their units; a name such as `corner_hz` needs none of its own beside the value's."""
+    units = {parameter.name: parameter.unit for parameter in find_effect(effect).effect.parameters}
+    return ", ".join(f"{name} {show(value, units[name], 3)}".rstrip() for name, value in size.parameters.items())

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 from motoremi.arrays import JsonDict
 from motoremi.diagnosis.belief import after_verdict
 from motoremi.emission.judge import levels_in_words
-from motoremi.fitting.result import Fit
+from motoremi.fitting.result import MUCH_PERCENT, Fit
 from motoremi.quantities import percent, percent_span, show_band
 
 Mood: TypeAlias = Literal["good", "bad", "plain"]
@@ -30,6 +30,8 @@ SIMULATED = "SIMULATED DATA: no real motor was measured"
 LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e4
 FAR = 1000
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# Errors of one fit, computed again, differ by less than this share.
+SAME_ERROR = 1e-3
 # Smaller values are shown as this one.
 FINEST_PERCENT = 0.01
 # An error that the analyser may make of the impedance itself: above it a circuit cannot be judged by its error.
@@ -57,9 +59,11 @@ def lag(delta_bic: float | None) -> str:
     return f"> {FAR:g}" if delta_bic is not None and delta_bic > FAR else number(delta_bic)
 
 
-def in_words(diagnosis: JsonDict) -> str:
-    """The verdict as a sentence."""
+def in_words(diagnosis: JsonDict, now: Sequence[str] = ()) -> str:
+    """The verdict as a sentence; `now` are the effects of the model as it is, to which those that were named may have been added."""
     verdict, named = str(diagnosis["verdict"]), " and ".join(diagnosis["effects"])
+    if named and verdict in ("missing-effect", "family") and set(diagnosis["effects"]) <= set(now):
+        named += " (now in the model)"
     # An unknown verdict, of another version, is shown as stored.
     text = _VERDICTS.get(verdict, (f"{verdict}: {{named}}" if named else verdict, "plain"))[0]
     if verdict == "adequate" and diagnosis.get("accuracy_percent"):
@@ -123,7 +127,16 @@ def described(left: Mapping[str, float]) -> str:
     """How well the circuit describes the motor, from `unexplained_percent`."""
     if not left["value"]:
         return f"describes your motor down to noise and analyser (95 %: to {percent(max(left['high'], FINEST_PERCENT), 2)} or better)"
-    return f"describes your motor to {percent(left['value'], 2)} (95 %: {percent_span(left['low'], left['high'], 2)})"
+    span = f"{percent(left['value'], 2)} (95 %: {percent_span(left['low'], left['high'], 2)})"
+    # "Describes it to 90 %" would be read as a success.
+    return f"describes your motor to {span}" if left["value"] < MUCH_PERCENT else f"does not describe your motor: undescribed {span}"
+
+
+def of_another_fit(diagnosis: JsonDict, steps: Sequence[Fit]) -> bool:
+    """Whether the model that was diagnosed has been fitted again since, with another error (bounds, held values)."""
+    base = diagnosis["base"]
+    own = next((step for step in steps if list(step.effects) == base["effects"]), None)
+    return own is not None and abs(own.rms_error_percent - base["rms_error_percent"]) > SAME_ERROR * own.rms_error_percent
 
 
 def would_leave(floor_percent: float, noise_percent: float) -> str:

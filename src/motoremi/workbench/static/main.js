@@ -231,7 +231,8 @@ function theme(next) {
 }
 
 function otherTheme() {
-  const dark = getComputedStyle(document.documentElement).colorScheme.includes("dark");
+  const chosen = document.documentElement.dataset.theme;
+  const dark = chosen ? chosen === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
   theme(dark ? "light" : "dark");
 }
 

@@ -5,11 +5,13 @@ const PLAIN = new Set(["", "1", "%", "dB", "°", "deg", "dBµV", "dBΩ"]);
 
 // Unit-less numbers outside this range are written with a power of ten that is a multiple of three.
 const LARGE = 1e4, SMALL = 1e-3;
+// Errors in per cent are read more easily without: 20000 %.
+const LARGE_PERCENT = 1e6;
 const SUPERSCRIPTS = Object.fromEntries([..."-0123456789"].map((digit, index) => [digit, "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"[index]]));
 
 export function show(value, unit = "", digits = 4) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "-";
-  if (PLAIN.has(unit)) return join(plain(value, digits), unit === "1" ? "" : unit);
+  if (PLAIN.has(unit)) return join(plain(value, digits, unit === "%" ? LARGE_PERCENT : LARGE), unit === "1" ? "" : unit);
   if (value === 0) return join("0", unit);
   // Rounded first: 999.96 Hz is 1 kHz, not 1000 Hz.
   const rounded = Number(value.toPrecision(digits)), step = prefixOf(rounded);
@@ -27,9 +29,9 @@ export function prefixed(value, unit, { scale, step } = {}) {
 
 const prefixOf = (value) => Math.min(Math.max(Math.floor(Math.log10(Math.abs(value)) / 3 + 1e-9), -5), 4);
 
-function plain(value, digits) {
+function plain(value, digits, large) {
   const size = Math.abs(value);
-  if (size === 0 || (size < LARGE && size >= SMALL)) return short(value, digits);
+  if (size === 0 || (size < large && size >= SMALL)) return short(value, digits);
   const power = 3 * Math.floor(Math.log10(size) / 3 + 1e-9);
   return `${short(value / 10 ** power, digits)} × 10${[...String(power)].map((digit) => SUPERSCRIPTS[digit]).join("")}`;
 }

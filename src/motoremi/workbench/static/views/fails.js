@@ -36,7 +36,7 @@ export const fails = {
           data.where.length
             ? table(["sweep", "span", term("share", "share of the squared error"), term("rms error")], data.where.map((one) => row(one, [one.sweep, one.band, share(one.share), percent(one.rms_error_percent)])), { id: "where" })
             : h("p", { class: "good" }, "Nowhere beyond the measurement's uncertainty.")),
-        card("Error per band", h("p", {}, verdict(data.verdict), ` within the `, term("tolerance"), ` of ${tolerance(data.tolerance)} at every point`),
+        card("Error per band", h("p", {}, verdict(data.verdict), ...(data.verdict === "pass" ? [" within the ", term("tolerance"), ` of ${tolerance(data.tolerance)}, or within the measurement's uncertainty, at every point`] : [" beyond the ", term("tolerance"), ` of ${tolerance(data.tolerance)} and beyond the measurement's uncertainty, in the bands marked below`])),
           table(["sweep", "band", "verdict", "rms", "largest", "dB", "degrees"], data.bands.map((one) => row(one, [one.sweep, one.band, verdict(one.verdict), percent(one.rms_error_percent), percent(one.max_error_percent), show(one.max_error_db, "dB", 3), show(one.max_phase_deg, "°", 3)])), { id: "bands" }),
           judge(data, page))),
       columns);

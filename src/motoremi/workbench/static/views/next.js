@@ -39,7 +39,7 @@ export const next = {
 
 function measure(data, one, page) {
   if (!one) {
-    return card("Nothing more is needed",
+    return card("Nothing more is needed; to confirm it",
       h("p", { class: "large", id: "next-id" }, data.end || data.advice.id), data.why && h("p", { class: "sentence" }, data.why),
       data.advice.action && h("p", { id: "what-to-do" }, h("strong", {}, "What to do: "), `${data.advice.action}.`), h("p", { class: "sentence" }, data.advice.why),
       everything(data, page));
