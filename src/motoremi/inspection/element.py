@@ -131,6 +131,8 @@ class Inspection:
         best = tried[0]
         constant = next(fit for fit in tried if fit.law.name == "constant")
         if constant.chi2_reduced < CONSTANT_ENOUGH or constant.bic - best.bic < CLEARLY_BETTER:
+            if constant.rms_error_percent > 100 * KNOWN:
+                return f"no simple law describes it ({percent(constant.rms_error_percent, 2)} left with a constant)"
             return f"a constant describes it (within {percent(constant.rms_error_percent, 2)})"
         left = f"{percent(best.rms_error_percent, 2)} left, {percent(constant.rms_error_percent, 2)} with a constant"
         if best.chi2_reduced > DESCRIBES:

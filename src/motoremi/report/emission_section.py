@@ -45,7 +45,7 @@ def prediction_figure(prediction: JsonDict, height_inch: float = 0.0) -> Figure:
     shown = list(measured) or ["peak", "quasi-peak", "average"]
     for detector in shown:
         if detector in measured:
-            panel.plot(frequency, _levels(measured[detector]), color=_COLOURS[detector], linewidth=0.6, alpha=0.6, label=f"{detector}, measured")
+            panel.plot(frequency, _levels(measured[detector]), color=_COLOURS[detector], linewidth=0.9, label=f"{detector}, measured")
         if detector in prediction["predicted_dbuv"]:
             predicted = _levels(prediction["predicted_dbuv"][detector])
             panel.plot(frequency, predicted, "--", color=_COLOURS[detector], linewidth=1.4, label=f"{detector}, predicted")
@@ -83,7 +83,7 @@ def emission_fit_figure(fit: EmissionFit) -> Figure:
     top = axes[0, 0]
     for detector, (frequency, error) in errors.items():
         measured = problem.measured_dbuv[problem.where[detector]]
-        top.plot(frequency, measured, color=_COLOURS[detector], linewidth=0.6, alpha=0.6, label=f"{detector}, measured")
+        top.plot(frequency, measured, color=_COLOURS[detector], linewidth=0.9, label=f"{detector}, measured")
         top.plot(frequency, measured - error, "--", color=_COLOURS[detector], linewidth=1.4, label=f"{detector}, model")
     top.set_ylabel("level (dBµV)")
     frequency_axis(top, problem.grid_hz, label=False)

@@ -86,6 +86,12 @@ def measured_when(session: Session) -> str:
     return f"{_span(times)} UTC" if times else "nothing"
 
 
+def stated_utc(session: Session) -> str:
+    """When the session was begun, to the second."""
+    time = str(session.start.get("time", ""))[:19].replace("T", " ")
+    return f"{time} UTC" if time else ""
+
+
 def measured_times(session: Session) -> list[str]:
     """When each sweep and spectrum was measured: in UTC in a run; as the files state it, for imported data."""
     if imported_files(session):
@@ -114,7 +120,7 @@ def identity_section(session: Session, session_sha256: str) -> Section:
         ("calibrated", ", ".join(calibrated) or "not stated"),
         ("software", str(start.get("software", ""))),
         ("measured", measured_when(session)),
-        ("imported (UTC)" if imported_files(session) else "begun (UTC)", str(start.get("time", ""))),
+        ("imported" if imported_files(session) else "begun", stated_utc(session)),
         ("ended", session.status),
         ("read from files", ", ".join(imported_files(session)) or "-"),
         ("SHA-256 over the hashes of the measured files", session_sha256),

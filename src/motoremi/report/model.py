@@ -13,7 +13,7 @@ from motoremi.report.contents import Choice, Letterhead, Materials, Picture, Rep
 from motoremi.report.equipment import equipment_of
 from motoremi.report.gaps import gaps
 from motoremi.report.headline import boxes
-from motoremi.report.identity import imported_files, measured_when, report_facts
+from motoremi.report.identity import imported_files, measured_when, report_facts, stated_utc
 from motoremi.report.kinds import SECTIONS
 from motoremi.report.short import short_sections
 from motoremi.report.steps import planned_steps
@@ -34,7 +34,7 @@ def build_report(materials: Materials, choice: Choice = WHOLE) -> Report:
     start = session.start
     digest = session_hash(session)
     number = str(materials.issue["number"]) if materials.issue is not None else ""
-    when = measured_when(session) if imported_files(session) else str(start.get("time", ""))[:19].replace("T", " ")
+    when = measured_when(session) if imported_files(session) else stated_utc(session)
     head = (str(start.get("motor") or "motor not named"), str(start.get("title", "")), when)
     short = choice.form == "short"
     return Report(
