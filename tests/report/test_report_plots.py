@@ -8,8 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from report_cases import whole_session
 from typer.testing import CliRunner
 
@@ -20,6 +23,7 @@ from motoremi.data.session import SessionWriter
 from motoremi.inspection.effect_signature import signature
 from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, legend_above, panels
 from motoremi.report.kinds import PLOTS
+from motoremi.report.resonance_labels import MOST_LABELS, mark_resonances
 from motoremi.report.svg import to_svg
 from motoremi.workflow import ladder_of, opened
 from motoremi.workflow_emission import diagnose_emission_session, emission_steps, predict_session
@@ -156,3 +160,32 @@ def test_a_legend_is_no_wider_than_its_figure_and_above_the_panels(width, labels
     assert box.x1 <= figure.bbox.x1
     assert axes.get_window_extent().y1 <= box.y0 + 2
     assert [text.get_text().replace("\n", " ") for text in legend.texts] == labels
+
+
+@pytest.mark.parametrize("second", [0.3, 0.6, 1.0])
+def test_labels_of_resonances_stand_at_their_own_marks(second: float) -> None:
+    """Two peaks 10 % apart and the dip between them: a reader takes a label for that of the nearest mark."""
+    axes = _resonances([5.882e6, 6.5e6 if second < 0.5 else 6.202e6], [1.0, second])
+    marks = axes.transData.transform([(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines])
+    assert len(axes.texts) == len(marks) == 3
+    for text in axes.texts:
+        box = text.get_window_extent()
+        away = [np.hypot(max(box.x0 - x, 0, x - box.x1), max(box.y0 - y, 0, y - box.y1)) for x, y in marks]
+        np.testing.assert_allclose(marks[int(np.argmin(away))], axes.transData.transform(text.xy))
+
+
+def test_only_as_many_resonances_are_labelled_as_a_panel_has_room_for() -> None:
+    axes = _resonances(np.geomspace(200e3, 25e6, 30).tolist(), [1.0] * 30)
+    assert len(axes.texts) == MOST_LABELS < len(axes.lines)
+
+
+def _resonances(at_hz: list[float], size: list[float]) -> Axes:
+    axes = Figure(figsize=(5.0, 4.0)).add_subplot()
+    frequency_hz = np.geomspace(150e3, 30e6, 4001)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlim(frequency_hz[0], frequency_hz[-1])
+    s, rate = 2j * np.pi * frequency_hz, 2 * np.pi * np.array(at_hz)[:, None]
+    cells = 35e3 * np.array(size)[:, None] * s * rate / 30 / (s**2 + s * rate / 30 + rate**2)
+    mark_resonances(axes, frequency_hz, np.abs(np.sum(cells, axis=0)) + 5)
+    return axes

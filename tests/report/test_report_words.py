@@ -121,6 +121,14 @@ def test_pages_and_paper_print_symbols_and_machines_read_plain_units(session: Pa
 def test_how_well_a_circuit_describes_a_motor() -> None:
     assert described({"value": 0.6123, "low": 0.41, "high": 0.9}) == "describes your motor to 0.61 % (95 %: 0.41 - 0.9 %)"
     assert "down to noise and analyser" in described({"value": 0.0, "low": 0.0, "high": 2e-4})
+    # Not "to 91 %", which would be read as a success.
+    assert described({"value": 90.9, "low": 80.0, "high": 99.0}) == "does not describe your motor: undescribed 91 % (95 %: 80 - 99 %)"
+
+
+def test_an_effect_that_was_added_is_no_longer_missing(stored: dict[str, Any]) -> None:
+    found = {**stored, "verdict": "missing-effect", "effects": ["skin-effect"]}
+    assert in_words(found) == in_words(found, ["bearing-film"]) == "missing from the model: skin-effect"
+    assert in_words(found, ["skin-effect", "bearing-film"]) == "missing from the model: skin-effect (now in the model)"
 
 
 def test_a_fit_without_the_points_that_stand_out_is_no_other_diagnosis(session: Path, stored: dict[str, Any], tmp_path: Path) -> None:

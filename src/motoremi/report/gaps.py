@@ -16,7 +16,7 @@ from motoremi.report.contents import Materials, is_result, model_name
 from motoremi.report.equipment import not_stated, overdue
 from motoremi.report.identity import imported_files, measured_items
 from motoremi.report.steps import being_written, planned_steps
-from motoremi.report.words import findings_of, of_another_fit
+from motoremi.report.words import findings_of
 
 # Stored values are not rounded: a larger difference means that the diagnosis was made from another fit.
 SAME_FIT = 1e-3
@@ -136,8 +136,6 @@ def _of_the_analysis(materials: Materials) -> list[str]:
         for name, again in STORED.items()
         if name in materials.unreadable
     ]
-    if materials.diagnosis is not None and of_another_fit(materials.diagnosis, steps):
-        found.append("the model was fitted again after the diagnosis, which is that of the fit before: diagnose again")
     if materials.diagnosis is None:
         found += ["no diagnosis was made"] if session.sweeps and "diagnosis" not in materials.unreadable else []
     elif materials.diagnosis == session.analysis("diagnosis") and not is_up_to_date(session):

@@ -18,7 +18,6 @@ from motoremi.report.words import (
     is_confirmed,
     levels_of,
     mood_of,
-    of_another_fit,
     serious_of,
     share_of_analyser,
 )
@@ -75,8 +74,6 @@ def _diagnosis_lines(diagnosis: JsonDict, steps: Sequence[Fit]) -> list[Line]:
     start = diagnosis["base"]["effects"]
     now = steps[-1].effects if steps else ()
     label = "Diagnosis" + (f" (of the model with {' + '.join(start)})" if start else "")
-    if of_another_fit(diagnosis, steps):
-        label += " (of an earlier fit)"
     lines: list[Line] = [
         (label, f"{in_words(diagnosis, now)}; confidence {100 * diagnosis['confidence']:.0f} %", mood_of(str(diagnosis["verdict"])))
     ]

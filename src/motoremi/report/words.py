@@ -30,8 +30,6 @@ SIMULATED = "SIMULATED DATA: no real motor was measured"
 LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e4
 FAR = 1000
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-# Errors of one fit, computed again, differ by less than this share.
-SAME_ERROR = 1e-3
 # Smaller values are shown as this one.
 FINEST_PERCENT = 0.01
 # An error that the analyser may make of the impedance itself: above it a circuit cannot be judged by its error.
@@ -130,13 +128,6 @@ def described(left: Mapping[str, float]) -> str:
     span = f"{percent(left['value'], 2)} (95 %: {percent_span(left['low'], left['high'], 2)})"
     # "Describes it to 90 %" would be read as a success.
     return f"describes your motor to {span}" if left["value"] < MUCH_PERCENT else f"does not describe your motor: undescribed {span}"
-
-
-def of_another_fit(diagnosis: JsonDict, steps: Sequence[Fit]) -> bool:
-    """Whether the model that was diagnosed has been fitted again since, with another error (bounds, held values)."""
-    base = diagnosis["base"]
-    own = next((step for step in steps if list(step.effects) == base["effects"]), None)
-    return own is not None and abs(own.rms_error_percent - base["rms_error_percent"]) > SAME_ERROR * own.rms_error_percent
 
 
 def would_leave(floor_percent: float, noise_percent: float) -> str:
