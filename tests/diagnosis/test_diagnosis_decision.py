@@ -607,6 +607,21 @@ def test_an_effect_with_usual_values_takes_the_place_of_one_with_unusual_values_
     assert judgement.unusual_instead is (None if named == bent.added[0] else bent)
 
 
+@pytest.mark.parametrize(("within", "odds"), [(True, 191.0), (False, 191.0), (False, 40.0)])
+def test_two_effects_within_noise_and_analyser_are_named_before_two_with_unusual_values_whatever_the_odds(within, odds):
+    """A film of brushes that relaxes twice, with a leak to the frame; a resonance that does not resonate, with the leak, is closer."""
+    bare = model((), 0.0, 1.86, 1.8)
+    bare.fit.measurement.floors = [[0.01]]
+    bent = describing(("insulation-leakage@Cr", "second-resonance"), 900.0, ("second-resonance.resistance_ohm",))
+    right = model(("brush-contact", "insulation-leakage@Cr"), 900.0 - odds, 0.2, 0.06)
+    right.fit.explained, right.fit.within_specification = True, within
+    judgement = decided(bare.fit, of(bare, model(("second-resonance",), 300.0, 1.2, 1.1), bent, right))  # type: ignore[arg-type]
+    assert judgement.accepted == (within or odds < 60)
+    if judgement.accepted:
+        assert judgement.named == right.added
+        assert judgement.unusual_instead is (bent if odds > 60 else None)
+
+
 FLUX, AND_EDDY = ("common-mode-flux",), ("common-mode-flux", "eddy-laminations")
 
 

@@ -76,6 +76,14 @@ def test_a_network_analyser_is_not_taken_where_the_circuit_alone_errs_by_far_mor
     instead = likeliest(first).instead  # type: ignore[arg-type]
     assert instead is not None
     assert instead.by_waves
+    # With an effect of which it leaves room for little: something outside the catalogue, measured with the analyser that was declared.
+    for share, taken in ((0.78, False), (0.3, True)):
+        named = SimpleNamespace(fit=model.fit, added=("field-coupling",), left_share=share)
+        one = SimpleNamespace(best=SimpleNamespace(score=100.0), model=named, accepted=True, named=named.added)
+        with monkeypatch.context() as patch:
+            patch.setattr("motoremi.diagnosis.declared.judge", lambda *given, one=one: one)
+            patch.setattr("motoremi.diagnosis.declared.of_every_winding", lambda judgement, assumed: judgement)
+            assert (likeliest(first).instead is not None) == taken  # type: ignore[arg-type]
     # An effect whose circuit errs a fifth as much: it counts if it describes what the base leaves, not if it only takes the place of the
     # analyser's errors (a sound motor on a NanoVNA that was declared as a 4294A: a loss across the winding).
     for left, taken in ((0.3, True), (0.1, False)):

@@ -231,7 +231,10 @@ def _with_usual_values(judgement: Judgement, together: float) -> Judgement:
         found = {key: one for key, one in judgement.found.items() if key in usual and len(key) <= size}
         other = dataclasses.replace(judgement, belief=believe(found, together))
         if leaves_nothing:
-            alike = likeliest.score - other.model.score <= CLEAR_GAIN
+            # Likelihood ratios of approximate laws mean little if the circuit errs no more than noise and analyser: a film of brushes that relaxes
+            # twice, with a leak, was less probable by e^191 than a resonance that does not resonate, which is no cause.
+            within = not judgement.accepted and other.model.fit.within_specification
+            alike = within or likeliest.score - other.model.score <= CLEAR_GAIN
         else:
             alike = other.model.fit.rms_error_percent <= ALIKE * likeliest.fit.rms_error_percent
         if other.named and alike and (other.accepted or not judgement.accepted):

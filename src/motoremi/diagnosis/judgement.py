@@ -155,10 +155,11 @@ class Judgement:
 
     @property
     def unusual_instead(self) -> Candidate | None:
-        """If one effect is named: a more probable one that describes everything with unusual values, in whose place it is."""
+        """What describes everything with unusual values, in whose place something less probable is named; of several effects if clearly less."""
         best = best_of(self.found.values())
         describes = best.fit.marginal.nothing_left >= 0.5 and not best.ordinary
-        return best if describes and len(self.named) == len(best.added) == 1 and best is not self.model else None
+        instead = describes and best is not self.model and len(self.named) == len(best.added) > 0
+        return best if instead and (len(self.named) == 1 or best.score - self.model.score > CLEAR_GAIN) else None
 
     @property
     def absorbing_instead(self) -> Candidate | None:

@@ -110,7 +110,7 @@ def reasons_for(judgement: Judgement, verdict: Verdict, named: Key, families: Se
         said.append(f"these values are unusual: {judgement.model.unusual_in_words}; something that is not in the catalogue is as probable")
     if (unusual := judgement.unusual_instead) is not None:
         values = unusual.unusual_in_words or ", ".join(unusual.at_bound)
-        said.append(f"{unusual.effect} describes these sweeps as well and is more probable, but only with unusual values ({values})")
+        said.append(f"{as_sum(unusual.added)} describes these sweeps as well and is more probable, but only with unusual values ({values})")
     if (absorbing := judgement.absorbing_instead) is not None:
         said.append(
             f"{as_sum(absorbing.added)} is more probable, but only by errors that are assumed of an analyser without a name: its circuit misses by "
