@@ -123,6 +123,8 @@ def test_the_key_is_not_in_the_browsers_command_line(tmp_path):
     try:
         until(seen.exists, DEADLINE_S)
         called, mode, page = seen.read_text().split("\n", 2)
+        # The browser may be called before what was printed has been read.
+        until(lambda: b"\n" in printed.partition(b"token=")[2], DEADLINE_S)
         key = printed.decode().partition("token=")[2].split()[0]
         assert key in page
         assert key not in called
