@@ -128,7 +128,7 @@ def test_how_well_a_circuit_describes_a_motor() -> None:
 def test_an_effect_that_was_added_is_no_longer_missing(stored: dict[str, Any]) -> None:
     found = {**stored, "verdict": "missing-effect", "effects": ["skin-effect"]}
     assert in_words(found) == in_words(found, ["bearing-film"]) == "missing from the model: skin-effect"
-    assert in_words(found, ["skin-effect", "bearing-film"]) == "was missing, and is in the model now: skin-effect"
+    assert in_words(found, ["skin-effect", "bearing-film"]) == "missing from the model: skin-effect (now in the model)"
 
 
 def test_a_fit_without_the_points_that_stand_out_is_no_other_diagnosis(session: Path, stored: dict[str, Any], tmp_path: Path) -> None:

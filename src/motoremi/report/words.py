@@ -15,12 +15,11 @@ from motoremi.quantities import percent, percent_span, show_band
 
 Mood: TypeAlias = Literal["good", "bad", "plain"]
 
-MISSING = "missing from the model:"
 # The sentence of each verdict, and its mood.
 _VERDICTS: Mapping[str, tuple[str, Mood]] = {
     "adequate": ("nothing is missing beyond the noise and the analyser's own uncertainty", "good"),
-    "missing-effect": (f"{MISSING} {{named}}", "plain"),
-    "family": (f"{MISSING} {{named}}, or another that these data cannot distinguish from it", "plain"),
+    "missing-effect": ("missing from the model: {named}", "plain"),
+    "family": ("missing from the model: {named}, or another that these data cannot distinguish from it", "plain"),
     "instrument": ("the meter or its fixture explains the error, not the motor", "plain"),
     "data": ("the data contradict themselves too much to judge the motor", "bad"),
     "unexplained": ("something is missing and nothing in the catalogue explains it", "bad"),
@@ -61,14 +60,14 @@ def lag(delta_bic: float | None) -> str:
 def in_words(diagnosis: JsonDict, now: Sequence[str] = ()) -> str:
     """The verdict as a sentence; `now` are the effects of the model as it is, to which those that were named may have been added."""
     verdict, named = str(diagnosis["verdict"]), " and ".join(diagnosis["effects"])
+    if named and verdict in ("missing-effect", "family") and set(diagnosis["effects"]) <= set(now):
+        named += " (now in the model)"
     # An unknown verdict, of another version, is shown as stored.
     text = _VERDICTS.get(verdict, (f"{verdict}: {{named}}" if named else verdict, "plain"))[0]
     if verdict == "adequate" and diagnosis.get("accuracy_percent"):
         return f"{text}, or within the accuracy of {diagnosis['accuracy_percent']:g} % that was stated"
     if verdict == "instrument" and named:
         return f"{text}: {named}"
-    if named and set(diagnosis["effects"]) <= set(now):
-        text = text.replace(MISSING, "was missing, and is in the model now:")
     return text.replace("{named}", named)
 
 
