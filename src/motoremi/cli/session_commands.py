@@ -67,8 +67,9 @@ def fit_(
     absorbed = result.said_of_absorbing
     if absorbed:
         say(f"  {absorbed}")
-    for name in result.undetermined() if result.converged and not absorbed else ():
-        say(f"  the data do not determine {name}: {result.interval(name)}")
+    elif result.converged:
+        for name in result.undetermined():
+            say(f"  the data do not determine {name}: {result.interval(name)}")
     if result.converged and (other := result.another_solution()):
         say(f"  {other}")
     units = {parameter.name: parameter.unit for parameter in model.parameters}

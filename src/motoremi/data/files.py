@@ -48,6 +48,9 @@ from motoremi.data.touchstone import is_touchstone, option_trouble, parse_touchs
 from motoremi.errors import BadInput
 from motoremi.given import refuse_other
 
+# A title of a reactance without its sign.
+_UNSIGNED = re.compile(r"\s*(\|\s*X\w*\s*\||abs\(\s*X\w*\s*\))", re.IGNORECASE)
+
 # Columns of errors, which are not those of the impedance itself.
 _ERRORS = ("sigma_relative", "rounding_relative")
 
@@ -397,10 +400,6 @@ def _sweep(termination: str, rows: Rows, metadata: JsonDict) -> ImpedanceSweep:
     noted = {key: list(texts) for key, texts in (("changes", rows.changes), ("warnings", warnings)) if texts}
     stated = {**metadata, **noted}
     return ImpedanceSweep(termination, rows.frequency_hz, rows.impedance_ohm, rows.sigma_relative, stated, rounding_relative=rows.rounding_relative)
-
-
-# A title of a reactance without its sign.
-_UNSIGNED = re.compile(r"\s*(\|\s*X\w*\s*\||abs\(\s*X\w*\s*\))", re.IGNORECASE)
 
 
 def _wrong_columns(table: Table, found: dict[str, Column]) -> BadInput:

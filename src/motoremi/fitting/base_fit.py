@@ -16,6 +16,7 @@ from motoremi.fitting.search import Found, Solution, Task, arrived_on_all, searc
 
 
 def base_fit(task: Task, seed: int, progress: Progress | None = None) -> Fit:
+    """The fit by the ant colony with polish."""
     return with_larger_winding(summarise(task, search_base(task, seed, progress), "ant-colony", seed))
 
 
@@ -36,6 +37,7 @@ def with_larger_winding(fitted: Fit) -> Fit:
 
 
 def fit_by_the_paper(task: Task, seed: int) -> Fit:
+    """The fit by the paper's algorithm as printed; a warning says whether it met its stop rule."""
     search = Problem(task.motor, task.measurement, task.bounds, task.held, weights="log")
     outcome = paper_colony(search, np.random.default_rng(seed))
     values = search.named(outcome.u)

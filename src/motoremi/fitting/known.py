@@ -72,7 +72,7 @@ def _from_known(fitted: Fit, known: Known, held: Mapping[str, float]) -> Fit | N
                 return None
             fixed[p.name] = value
     task = dataclasses.replace(fitted.task, held=fixed)
-    effects = [find_effect(label.partition("#")[0]).effect for label in fitted.effects]
+    effects = [find_effect(label).effect for label in fitted.effects]
     sizes, known_search = (None, {}) if known.fit is None else (known.fit.sizes, dict(known.fit.search_parameters))
     if sizes is not None and misses_by_far(sizes) and any(effect.describes for effect in effects):
         # As in `_described`: the likelihood would lead to another description.

@@ -47,7 +47,8 @@ def most_parts(measurement: Measurement) -> int:
 
 def possible(tried: Sequence[float], measurement: Measurement) -> list[float]:
     """Of numbers that are tried, those that these data can determine."""
-    return [value for value in tried if value <= most_parts(measurement)]
+    most = most_parts(measurement)
+    return [value for value in tried if value <= most]
 
 
 def checked_parts(name: str, value: float, before: Fit) -> float:
@@ -67,7 +68,7 @@ def parts_of(trail: Trail, effect: str) -> dict[str, float]:
 def counted(trail: Trail, each: Map = map) -> Trail:
     """The same with the number of parts, if an effect has one, that reaches the lowest objective from these start values."""
     trails = {
-        (name, value): _with_number(trail, name, value)
+        (name, value): dataclasses.replace(trail, task=with_number(trail.task, name, value))
         for name, tried in numbers_of_parts(trail.task.motor)
         for value in possible(tried, trail.task.measurement)
     }
@@ -81,15 +82,12 @@ def counted_near(trail: Trail) -> Trail:
     for name, tried in numbers_of_parts(trail.task.motor):
         sweeping = dataclasses.replace(trail, task=trail.task.sweeping(name))
         if found := _least_of_each(sweeping.problem(SEARCH_POINTS), trail.starts, name, tried):
-            trail = _with_number(trail, name, min(found, key=lambda value: found[value]))
+            trail = dataclasses.replace(trail, task=with_number(trail.task, name, min(found, key=lambda value: found[value])))
     return trail
 
 
-def _with_number(trail: Trail, name: str, value: float) -> Trail:
-    return dataclasses.replace(trail, task=_task_with(trail.task, name, value))
-
-
-def _task_with(task: Task, name: str, value: float) -> Task:
+def with_number(task: Task, name: str, value: float) -> Task:
+    """The same with another number of parts."""
     return dataclasses.replace(task, held={**task.held, name: value})
 
 
@@ -103,7 +101,7 @@ def chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name: 
     else:
         found = {}
         for value in possible(tried, task.measurement):
-            one = _task_with(task, name, value)
+            one = with_number(task, name, value)
             problem = one.relative()
             ends = least(problem, starts[::group], 1, GLANCE_STEPS)
             found[value] = float(least(*_with_mode(one, problem.named(ends.u[ends.best]), before), 1, 2 * GLANCE_STEPS).objective.min())
@@ -153,7 +151,7 @@ def neighbours(task: Task) -> Iterator[Task]:
         if (value := task.held.get(name)) in numbers:
             at = numbers.index(value)
             for other in (*numbers[max(at - 1, 0) : at], *numbers[at + 1 : at + 2]):
-                yield _task_with(task, name, other)
+                yield with_number(task, name, other)
 
 
 def between(task: Task, before: Fit) -> Iterator[tuple[str, float]]:

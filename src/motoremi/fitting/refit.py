@@ -12,7 +12,7 @@ from motoremi.errors import BadInput
 from motoremi.fitting.aco_r import Colony
 from motoremi.fitting.base_fit import base_fit
 from motoremi.fitting.marginal import NOTHING_LEFT
-from motoremi.fitting.parts import between, counted, least, most_parts, neighbours, parts_of
+from motoremi.fitting.parts import between, counted, least, most_parts, neighbours, parts_of, with_number
 from motoremi.fitting.polish import polish
 from motoremi.fitting.race import Trail, raced_alone
 from motoremi.fitting.result import Fit, on_fits, summarise
@@ -197,8 +197,7 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
         while (step := step // 2) >= 1 and best.sizes.discrepancy > NOTHING_LEFT:
             for count in (best.held[name] - step, best.held[name] + step):
                 if count <= most_parts(before.measurement):
-                    task = dataclasses.replace(trail.task, held={**best.held, name: count})
-                    other = arrived(task, {**best.parameters, **best.nuisance, name: count})
+                    other = arrived(with_number(best.task, name, count), {**best.parameters, **best.nuisance, name: count})
                     if better_than(best, other):
                         best = other
                         break

@@ -55,7 +55,7 @@ EDGE = 1e-6
 FAR = 4.0
 # Of another solution, parameters that differ by more than this share are shown.
 CLEARLY = 0.05
-# From here on a circuit does not describe its motor, and what a fit says of it then.
+# From this error on a circuit does not describe its motor (the paper's stop rule asks for 10 %), and what a fit says of it then.
 MUCH_PERCENT = 10.0
 MISSES = "while the circuit errs so much its elements are not those of the motor: do not quote them, look for what is missing"
 # A scale of the declared errors that is less likely than this adds nothing to an error bar.

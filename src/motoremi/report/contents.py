@@ -56,6 +56,11 @@ class Materials:
     laboratory: Laboratory | None = None
     issue: JsonDict | None = None
 
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Those of the current model; none before the first fit."""
+        return self.steps[-1].effects if self.steps else ()
+
     def stored(self, name: str) -> JsonDict | None:
         """The content of `analysis/<name>.json`; None if it does not exist or is left out."""
         # Cached: a prediction holds thousands of levels.

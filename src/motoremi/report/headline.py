@@ -46,7 +46,7 @@ def _impedance(materials: Materials) -> Box:
     if steps:
         lines += _before(steps[0])
     if diagnosis is not None:
-        lines += _diagnosis_lines(diagnosis, steps)
+        lines += _diagnosis_lines(diagnosis, materials.effects)
     if steps:
         lines += [_after(steps[-1], diagnosis), *_beside(steps[-1])]
     if diagnosis is not None:
@@ -70,9 +70,8 @@ def spans(where: Sequence[JsonDict], most: int = 3) -> str:
     return f"{'; '.join(found)} of the squared error beyond the uncertainty" if found else "nowhere beyond the uncertainty"
 
 
-def _diagnosis_lines(diagnosis: JsonDict, steps: Sequence[Fit]) -> list[Line]:
+def _diagnosis_lines(diagnosis: JsonDict, now: Sequence[str]) -> list[Line]:
     start = diagnosis["base"]["effects"]
-    now = steps[-1].effects if steps else ()
     label = "Diagnosis" + (f" (of the model with {' + '.join(start)})" if start else "")
     lines: list[Line] = [
         (label, f"{in_words(diagnosis, now)}; confidence {100 * diagnosis['confidence']:.0f} %", mood_of(str(diagnosis["verdict"])))

@@ -88,8 +88,12 @@ def measured_when(session: Session) -> str:
 
 def stated_utc(session: Session) -> str:
     """When the session was begun, to the second."""
-    time = str(session.start.get("time", ""))[:19].replace("T", " ")
+    time = _to_the_second(session.start)
     return f"{time} UTC" if time else ""
+
+
+def _to_the_second(document: JsonDict) -> str:
+    return str(document.get("time", ""))[:19].replace("T", " ")
 
 
 def measured_times(session: Session) -> list[str]:
@@ -142,7 +146,7 @@ def identity_section(session: Session, session_sha256: str) -> Section:
 
 
 def _file(document: JsonDict, item: ImpedanceSweep | Spectrum, session: Session) -> tuple[str, ...]:
-    came = str(document.get("time", ""))[:19].replace("T", " ")
+    came = _to_the_second(document)
     if imported_files(session):
         day = measured_on(item.metadata)
         came = str(item.metadata.get("source", "-")) + (f" of {day}" if day else "")

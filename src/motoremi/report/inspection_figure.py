@@ -61,13 +61,12 @@ def _draw(inspection: Inspection, curve: ElementCurve, top: Axes, bottom: Axes) 
         axes.fill_between(f, needed - width, needed + width, color=ORANGE, alpha=0.35, linewidth=0, label="expanded uncertainty (k = 2)")
         axes.plot(f, needed, color=BLACK, linewidth=1.2, label="what it would have to be")
         axes.plot(f, has, "--", color=VERMILION, linewidth=1.2, label="the model's")
+        _limit(axes, needed, width, has)
     tried = inspection.laws.get(curve.termination)
     if tried and known.any():
         law = tried[0].value(f[known])
         top.plot(f[known], law.real, ":", color=BLUE, linewidth=1.6, label="nearest simple law")
         bottom.plot(f[known], -law.imag / law.real if lossy else law.imag, ":", color=BLUE, linewidth=1.6)
-    for axes, needed, width, has in ((top, value.real, spread, curve.model.real), (bottom, second, margin, model)):
-        _limit(axes, needed, width, has)
 
 
 def _limit(axes: Axes, needed: np.ndarray, width: np.ndarray, has: np.ndarray) -> None:

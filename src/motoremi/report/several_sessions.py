@@ -196,7 +196,7 @@ def _cause(diagnosis: JsonDict) -> JsonDict:
 
 
 def _line(name: str, materials: Materials) -> Line:
-    cause = "no diagnosis" if materials.diagnosis is None else in_words(materials.diagnosis, materials.steps[-1].effects if materials.steps else ())
+    cause = "no diagnosis" if materials.diagnosis is None else in_words(materials.diagnosis, materials.effects)
     judged = [box.verdict for box in boxes(materials) if box.verdict is not None]
     moods = {mood for *_, mood in judged}
     mood = "bad" if "bad" in moods else "good" if moods == {"good"} else "plain"
@@ -276,7 +276,7 @@ def _verdicts(materials: Mapping[str, Materials], sessions: Sequence[JsonDict]) 
     for index, (one, own) in enumerate(zip(sessions, materials.values(), strict=True)):
         errors = [percent(error) for error in one["rms_error_percent"]]
         found = one["diagnosis"]
-        cause = NO_VALUE if found is None else in_words(found, own.steps[-1].effects if own.steps else ())
+        cause = NO_VALUE if found is None else in_words(found, own.effects)
         if found is not None and found["serious_findings"]:
             cause += f" (found in the data: {', '.join(found['serious_findings'])})"
         rows.append(

@@ -29,14 +29,14 @@ export const fails = {
         cells.map((cell) => h("td", { class: brief(cell) }, cell)));
     };
     const verdict = (text) => h("span", { class: text === "pass" ? "good" : "bad" }, text === "pass" ? "PASS" : "FAIL");
-    const columns = h("div", { class: "columns" });
+    const columns = h("div", { class: "columns" }), passes = data.verdict === "pass";
     where.append(
       h("div", { class: "columns wide-columns" },
         card("Where it fails most", data.where.length > 0 && h("p", { class: "note" }, "A click shows the span in the plot below."),
           data.where.length
             ? table(["sweep", "span", term("share", "share of the squared error"), term("rms error")], data.where.map((one) => row(one, [one.sweep, one.band, share(one.share), percent(one.rms_error_percent)])), { id: "where" })
             : h("p", { class: "good" }, "Nowhere beyond the measurement's uncertainty.")),
-        card("Error per band", h("p", {}, verdict(data.verdict), ...(data.verdict === "pass" ? [" within the ", term("tolerance"), ` of ${tolerance(data.tolerance)}, or within the measurement's uncertainty, at every point`] : [" beyond the ", term("tolerance"), ` of ${tolerance(data.tolerance)} and beyond the measurement's uncertainty, in the bands marked below`])),
+        card("Error per band", h("p", {}, verdict(data.verdict), passes ? " within the " : " beyond the ", term("tolerance"), ` of ${tolerance(data.tolerance)}${passes ? ", or within the measurement's uncertainty, at every point" : " and beyond the measurement's uncertainty, in the bands marked below"}`),
           table(["sweep", "band", "verdict", "rms", "largest", "dB", "degrees"], data.bands.map((one) => row(one, [one.sweep, one.band, verdict(one.verdict), percent(one.rms_error_percent), percent(one.max_error_percent), show(one.max_error_db, "dB", 3), show(one.max_phase_deg, "°", 3)])), { id: "bands" }),
           judge(data, page))),
       columns);
