@@ -447,6 +447,21 @@ def test_complex_numbers_as_engineers_write_them(tmp_path: Path, spelling: str) 
     np.testing.assert_array_equal(read_impedance(write(tmp_path, text), "open").impedance_ohm, OPEN)
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("f_hz,R (Ohm),|X| (Ohm)\n1e5,1,2\n2e5,1,3\n", "|X| has lost the sign of the reactance"),
+        ("f_hz,R (Ohm),abs(X) (Ohm)\n1e5,1,2\n2e5,1,3\n", "|X| has lost the sign of the reactance"),
+        ("f_hz,|Z| (Ohm)\n1e5,1\n2e5,2\n", "|Z| alone is not enough: save its phase too"),
+        ("<Qucs Dataset 0.0.22>\n<indep frequency 2>\n  1e5\n  2e5\n</indep>\n", "a dataset of Qucs is not read; export the impedance"),
+    ],
+)
+def test_what_is_missing_is_told(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        read_impedance(write(tmp_path, text), "open")
+    assert words in str(caught.value)
+
+
 def test_columns_of_complex_numbers_that_are_refused(tmp_path: Path) -> None:
     text = complex_table("#f, S11_short, Zin, Z", "({:.6e}{:+.6e}j)", OPEN, OPEN, OPEN)
     with pytest.raises(BadInput) as caught:

@@ -21,7 +21,9 @@ from motoremi import drawing
 from motoremi.cli.app import app
 from motoremi.data.session import SessionWriter
 from motoremi.inspection.effect_signature import signature
+from motoremi.inspection.element import ElementCurve, Inspection
 from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, legend_above, panels
+from motoremi.report.inspection_figure import inspection_figure
 from motoremi.report.kinds import PLOTS
 from motoremi.report.resonance_labels import MOST_LABELS, mark_resonances
 from motoremi.report.svg import to_svg
@@ -160,6 +162,18 @@ def test_a_legend_is_no_wider_than_its_figure_and_above_the_panels(width, labels
     assert box.x1 <= figure.bbox.x1
     assert axes.get_window_extent().y1 <= box.y0 + 2
     assert [text.get_text().replace("\n", " ") for text in legend.texts] == labels
+
+
+def test_an_element_has_a_gap_where_it_is_not_known_and_its_axis_holds_the_models_line() -> None:
+    f = np.geomspace(150e3, 30e6, 31)
+    curve = ElementCurve("open", f, 5.0 + 1j * np.linspace(1, 2, 31), np.where(np.arange(31) < 20, 1e-3, np.inf), np.full(31, 400 + 30j))
+    figure = inspection_figure(Inspection("Rr", "Ohm", (), [curve], {}))
+    for axes, value in zip(figure.axes, (400.0, 30.0), strict=True):
+        needed, model = (line.get_ydata() for line in axes.lines[:2])
+        assert np.isfinite(needed[:20]).all()
+        assert np.isnan(needed[20:]).all()
+        assert set(model) == {value}
+        assert axes.get_ylim()[0] < value < axes.get_ylim()[1]
 
 
 @pytest.mark.parametrize("second", [0.3, 0.6, 1.0])

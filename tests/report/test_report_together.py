@@ -124,3 +124,15 @@ def test_wrong_use_is_one_line(pair, tmp_path):
     ):
         with pytest.raises(me.BadInput, match=told):
             CliRunner().invoke(app, ["report", *words], catch_exceptions=False)
+
+
+def test_only_the_sessions_that_are_simulated_are_marked(pair, tmp_path):
+    """One of them on a simulated bench: the other one measured a motor."""
+    simulated = tmp_path / "virtual"
+    with SessionWriter.create(simulated, {"title": "side", "simulated": True}) as writer:
+        writer.add_sweep(load(pair[0]).sweeps[0])
+        writer.close("done")
+    made = {file.name: file.read_text("utf-8") for file in report_together([pair[0], simulated], tmp_path / "new") if file.suffix == ".html"}
+    text = "".join(parsed(made["comparison.html"]).text)
+    assert "SIMULATED DATA in virtual: no real motor was measured there" in text
+    assert "SIMULATED DATA: no real motor was measured" not in text
