@@ -25,7 +25,7 @@ from motoremi.inspection.element import ElementCurve, Inspection
 from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, legend_above, panels
 from motoremi.report.inspection_figure import inspection_figure
 from motoremi.report.kinds import PLOTS
-from motoremi.report.resonance_labels import MOST_LABELS, mark_resonances
+from motoremi.report.resonance_labels import mark_resonances
 from motoremi.report.svg import to_svg
 from motoremi.workflow import ladder_of, opened
 from motoremi.workflow_emission import diagnose_emission_session, emission_steps, predict_session
@@ -188,9 +188,14 @@ def test_labels_of_resonances_stand_at_their_own_marks(second: float) -> None:
         np.testing.assert_allclose(marks[int(np.argmin(away))], axes.transData.transform(text.xy))
 
 
-def test_only_as_many_resonances_are_labelled_as_a_panel_has_room_for() -> None:
+def test_labels_that_have_no_room_are_left_out() -> None:
+    """Thirty resonances, all marked: no label covers another one, and the widest apart have one."""
     axes = _resonances(np.geomspace(200e3, 25e6, 30).tolist(), [1.0] * 30)
-    assert len(axes.texts) == MOST_LABELS < len(axes.lines)
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert 5 < len(boxes) < len(axes.lines)
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    panel = axes.get_window_extent()
+    assert all(panel.x0 <= box.x0 and box.x1 <= panel.x1 and panel.y0 <= box.y0 and box.y1 <= panel.y1 for box in boxes)
 
 
 def _resonances(at_hz: list[float], size: list[float]) -> Axes:

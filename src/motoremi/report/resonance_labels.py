@@ -23,20 +23,22 @@ LEAST_BELOW, SHARE_BELOW, ABOVE = 2.0, 0.3, 2.5
 # mark, and half the width of a mark.
 SIZE, LINE, LETTER, GAP, HALF_MARK = 8.0, 10.0, 4.9, 6.0, 3.0
 # Directions (right, up) from the mark in which its label may stand, the preferred one first; and the alignment for each sign of the first number.
-AT_A_PEAK = ((1, 0.5), (-1, 0.5), (0, 1), (1, 1), (-1, 1), (1, -1), (-1, -1))
-AT_A_DIP = ((0, -1), (1, -0.5), (-1, -0.5), (1, -1), (-1, -1), (1, 1), (-1, 1))
+AT_A_PEAK = ((1, 0.5), (-1, 0.5), (0, 1), (1, 1), (-1, 1), (1, -1), (-1, -1), (1, -0.5), (-1, -0.5))
+AT_A_DIP = ((0, -1), (1, -0.5), (-1, -0.5), (1, -1), (-1, -1), (1, 1), (-1, 1), (1, 0.5), (-1, 0.5))
 ALIGNED = {-1: "right", 0: "center", 1: "left"}
-# Cost of a place for each point of the curve's length that it covers, for each other label or mark that it overlaps, for each mark to which it is
-# nearer than to its own, as its label would be read, and for leaving the panel.
-OF_CURVE, OF_OTHERS, OF_NEARER, OF_LEAVING = 1, 50, 50, 1000
-# A panel has room for so many labels: the resonances that stand out most are labelled, all are marked.
-MOST_LABELS = 12
-# (left, right, bottom, top).
+# Cost of a place for each mark that it overlaps, in points of the curve's length that it covers.
+OF_MARKS = 50
+# (left, right, bottom, top), and (across, up).
 Box = tuple[float, float, float, float]
+Place = tuple[float, float]
 
 
 def mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatArray) -> None:
-    """Mark the clear maxima and minima of |Z| and write their frequencies where they cover neither the curve nor each other."""
+    """Mark the clear maxima and minima of |Z| and write their frequencies where they can be read.
+
+    Those that stand out most come first. One that would leave the panel, cover another label or be read as that of another mark is
+    left out.
+    """
     low, high = float(magnitude_ohm.min()), float(magnitude_ohm.max())
     axes.set_ylim(low / max(LEAST_BELOW, (high / low) ** SHARE_BELOW), high * ABOVE)
     level = 20 * np.log10(magnitude_ohm)
@@ -45,21 +47,20 @@ def mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatAr
     across, up = _in_points(axes, frequency_hz, magnitude_ohm)
     curve = _evenly_along(across, up)
     panel = _size(axes)
-    # First the marks; each label is added once it is placed.
-    covered: list[Box] = [(across[at] - HALF_MARK, across[at] + HALF_MARK, up[at] - HALF_MARK, up[at] + HALF_MARK) for at, _ in marks]
-    for number, (at, sign) in enumerate(marks):
+    labels: list[Box] = []
+    for at, sign in marks:
         place = (frequency_hz[at], magnitude_ohm[at])
         axes.plot(*place, "v" if sign > 0 else "^", color=BLACK, markersize=4)
-        if number >= MOST_LABELS:
-            continue
         text = show(float(frequency_hz[at]), "Hz", 3)
-        others = [box for other, box in enumerate(covered) if other != number]
-        other_marks = [(across[other], up[other]) for other, _ in marks if other != at]
+        own, others = (across[at], up[at]), [(across[other], up[other]) for other, _ in marks if other != at]
         directions = AT_A_PEAK if sign > 0 else AT_A_DIP
-        boxes = [_box(direction, text, across[at], up[at]) for direction in directions]
-        chosen = int(np.argmin([_cost(box, curve, others, panel) + OF_NEARER * _nearer(box, (across[at], up[at]), other_marks) for box in boxes]))
-        right, above = directions[chosen]
-        covered.append(boxes[chosen])
+        boxes = {direction: _box(direction, text, *own) for direction in directions}
+        rightly = [direction for direction, box in boxes.items() if _is_inside(box, panel) and _is_read_rightly(box, own, others)]
+        free = [direction for direction in rightly if not any(_overlap(boxes[direction], one) for one in labels)]
+        if not free:
+            continue
+        right, above = min(free, key=lambda direction: _cost(boxes[direction], curve, others))
+        labels.append(boxes[right, above])
         axes.annotate(
             text,
             place,
@@ -71,13 +72,17 @@ def mark_resonances(axes: Axes, frequency_hz: FloatArray, magnitude_ohm: FloatAr
         )
 
 
-def _cost(box: Box, curve: tuple[FloatArray, FloatArray], others: Sequence[Box], panel: tuple[float, float]) -> float:
+def _cost(box: Box, curve: tuple[FloatArray, FloatArray], others: Sequence[Place]) -> float:
     """How bad it would be to write a label there."""
     left, right, bottom, top = box
     across, up = curve
     points = int(np.count_nonzero((across >= left) & (across <= right) & (up >= bottom) & (up <= top)))
-    leaves = left < 0 or right > panel[0] or bottom < 0 or top > panel[1]
-    return OF_CURVE * points + OF_OTHERS * sum(_overlap(box, other) for other in others) + OF_LEAVING * leaves
+    return points + OF_MARKS * sum(_distance(box, other) < HALF_MARK for other in others)
+
+
+def _is_inside(box: Box, panel: tuple[float, float]) -> bool:
+    left, right, bottom, top = box
+    return left >= 0 and right <= panel[0] and bottom >= 0 and top <= panel[1]
 
 
 def _evenly_along(across: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -111,12 +116,12 @@ def _box(direction: tuple[float, float], text: str, across: float, up: float) ->
     return left, left + width, bottom, bottom + LINE
 
 
-def _nearer(box: Box, own: tuple[float, float], others: Sequence[tuple[float, float]]) -> int:
-    """How many other marks a label is nearer to than to its own."""
-    return sum(_distance(box, other) < _distance(box, own) for other in others)
+def _is_read_rightly(box: Box, own: Place, others: Sequence[Place]) -> bool:
+    """Whether no other mark is nearer to a label than its own."""
+    return all(_distance(box, other) >= _distance(box, own) for other in others)
 
 
-def _distance(box: Box, mark: tuple[float, float]) -> float:
+def _distance(box: Box, mark: Place) -> float:
     left, right, bottom, top = box
     return float(np.hypot(max(left - mark[0], 0.0, mark[0] - right), max(bottom - mark[1], 0.0, mark[1] - top)))
 
