@@ -72,6 +72,10 @@ class MadeBoard:
         self.calls.append(f"drop {effect} of {''.join(model.added)}")
         return self.model(name for name in model.added if name != effect)
 
+    def beside(self, model: Made) -> list[Made]:
+        self.calls.append(f"beside {''.join(model.added)}")
+        return [self.model((*model.added, name)) for name in self.names if name not in model.added]
+
     def explored(self, budget: Budget = BUDGET) -> dict[Key, Made]:
         return explore(self, self.model(()), budget)
 
@@ -99,6 +103,20 @@ def test_pairs_are_tried_though_no_effect_gains_anything_if_the_base_errs_by_far
     assert key_of(best_of(found.values())) == (("d", "e") if much_is_left else ())
     assert [call for call in made.calls if call.startswith("sets")] == ["sets of 1", "sets of 2"][: 1 + much_is_left]
     assert not [call for call in made.calls if call.startswith("swap a")]
+
+
+@pytest.mark.parametrize("alone", [60, 8], ids=["was overlooked", "is no better than another"])
+def test_beside_a_smaller_set_that_only_dropping_found_further_effects_are_compared(alone):
+    """Alone, "a" is overlooked, and so is its pair with "b": a swap does not lead to either."""
+
+    class WithoutSwaps(MadeBoard):
+        def swapped(self, model: Made, effect: str, only: str = "") -> list[Made]:
+            return []
+
+    made = board({"": 0, "c": 10, "a": alone, "ac": 70, "ab": 200}, finished=("ab",), overlooked=("a", "ab"))
+    found = WithoutSwaps(made.scores, finished=made.finished, overlooked=made.overlooked, calls=made.calls).explored()
+    assert [call for call in made.calls if call.startswith("beside")] == (["beside a"] if alone > 10 else [])
+    assert key_of(best_of(found.values())) == (("a", "b") if alone > 10 else ("a", "c"))
 
 
 def test_where_a_further_effect_gains_nothing_none_is_swapped():

@@ -293,6 +293,13 @@ class MotorBoard:
         trail = Trail(under.task, [{**under.parameters, **model.fit.nuisance}], 1, under.sizes)
         return self._refitted({"": trail}, {"": raced_alone(trail)})[0]
 
+    def beside(self, model: Candidate) -> list[Candidate]:
+        """Each possible effect with a set that was found later than those of its size."""
+        trails = _beside(model)
+        solutions = race(trails, SINGLES, each=self._each).solutions
+        near = self._refitted(trails, self._near_best(len(model.added) + 1, _likeliest_orders([solutions])))
+        return [one for one in near if not one.exchanged]
+
     def _near_best(self, size: int, solutions: Mapping[Name, Solution]) -> dict[Name, Solution]:
         """Those that are near the best of their size, in this race and in those before it."""
         behind = self._best.setdefault(size, Best()).behind(solutions)

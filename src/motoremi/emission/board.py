@@ -88,9 +88,10 @@ class SpectrumBoard:
         """The most probable models of one effect less, each with every possible effect added."""
         beam = self._beam(found, size - 1)
         for place, model in enumerate(beam):
-            yield from self._added(model, part(progress, place / len(beam), (place + 1) / len(beam)))
+            yield from self.beside(model, part(progress, place / len(beam), (place + 1) / len(beam)))
 
-    def _added(self, model: Candidate, progress: Progress | None) -> Iterator[Candidate]:
+    def beside(self, model: Candidate, progress: Progress | None = None) -> Iterator[Candidate]:
+        """The model with each further effect."""
         names = [name for name in self._possible if name not in model.added]
         for index, name in enumerate(names):
             if progress is not None:

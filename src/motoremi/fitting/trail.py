@@ -13,7 +13,7 @@ from motoremi.fitting.exchange import exchanged
 from motoremi.fitting.parts import checked_parts, chosen
 from motoremi.fitting.race import Trail
 from motoremi.fitting.result import Fit
-from motoremi.fitting.search import PLAIN, Task
+from motoremi.fitting.search import PLAIN, Task, misses_by_far
 from motoremi.fitting.seen_by import open_alone, seen_by, seen_in
 from motoremi.fitting.starts import base_starts
 from motoremi.model.effects import add_effects, find_effect
@@ -66,7 +66,7 @@ def trail_to(
     if near:
         bases = [{**own, **near}, own]
     else:
-        bases = base_starts(own, before.measurement.coarse, few=len(tried) > 9)
+        bases = base_starts(own, before.measurement.coarse, few=len(tried) > 9, errs_by_far=misses_by_far(before.sizes))
         if before.effects or before.sizes.discrepancy < PLAIN:
             # With effects, the search's best and the likelihood's may be different local minima. If little is undescribed, the analyser's errors
             # describe part of the effect: without them a start would be far above the fit without the effect.
