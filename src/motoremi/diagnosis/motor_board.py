@@ -24,6 +24,7 @@ from motoremi.fitting.race import (
     ALIKE_ARRIVING,
     ARRIVING,
     BEHIND,
+    BESIDE,
     GLANCE,
     IN_FULL,
     LEADERS,
@@ -102,7 +103,7 @@ class MotorBoard:
             trails, solutions = self._singles({name: trail_to(self._base, name) for name in possible_effects(self._base)}, progress)
         elif size > 2:
             trails = self._beside_the_best(found, size - 1)
-            solutions = _likeliest_orders([race(trails, SINGLES, (), progress, self._each).solutions])
+            solutions = _likeliest_orders([race(trails, BESIDE, (), progress, self._each).solutions])
         else:
             pairs = {} if self._contain_the_best(found) else self.leading_pairs(found, part(progress, 0.0, 0.8))
             arrived = race(pairs, ARRIVING, (), part(progress, 0.8, 0.9), self._each).solutions
@@ -111,7 +112,7 @@ class MotorBoard:
                 # Among pairs in wrong minima the right one may be left behind: of a suppressor and the inductance of the frame strap all that
                 # arrived left 23 %, and the strap was found beside the suppressor, the best single effect.
                 beside |= _beside(ranked(found, 1)[0])
-            found_beside = race(beside, SINGLES, (), part(progress, 0.9, 1.0), self._each).solutions
+            found_beside = race(beside, BESIDE, (), part(progress, 0.9, 1.0), self._each).solutions
             solutions = _likeliest_orders([arrived, found_beside])
             trails = {**pairs, **beside}
         leading = self._near_best(size, solutions)
@@ -146,7 +147,8 @@ class MotorBoard:
     def _singles(self, alone: Mapping[str, Trail], progress: Progress | None = None) -> tuple[Mapping[Key, Trail], dict[Key, Solution]]:
         """The race between single effects, whose end is kept for pairs."""
         trails: dict[Key, Trail] = {(name,): trail for name, trail in alone.items()}
-        solutions, reached = race(trails, SINGLES, (), progress, self._each)
+        # If nothing is missing, pairs are not searched.
+        solutions, reached = race(trails, BESIDE if self.start().done else SINGLES, (), progress, self._each)
         self._alone = {**self._alone, **alone}
         self._reached = {**self._reached, **{key[-1]: standing for key, standing in reached.items()}}
         return trails, solutions
@@ -296,7 +298,7 @@ class MotorBoard:
     def beside(self, model: Candidate) -> list[Candidate]:
         """Each possible effect with a set that was found later than those of its size."""
         trails = _beside(model)
-        solutions = race(trails, SINGLES, each=self._each).solutions
+        solutions = race(trails, BESIDE, each=self._each).solutions
         near = self._refitted(trails, self._near_best(len(model.added) + 1, _likeliest_orders([solutions])))
         return [one for one in near if not one.exchanged]
 

@@ -28,6 +28,8 @@ from motoremi.workers import Map
 POINTS_EACH = 3
 # Steps that are made to compare several numbers of parts, and from how many of the best starts.
 GLANCE_STEPS, GLANCE_STARTS = 12, 12
+# The same if nothing is left to describe: then any number will do.
+GLANCE_STARTS_IF_DESCRIBED = 3
 # How a number of parts is chosen where it matters: of ten windings of 2 to 12 sections the right one is found for seven; by fewer steps or starts
 # for three to six.
 COUNTING = Rounds((Round(SEARCH_POINTS, 12, ALL, ALL), Round(SEARCH_POINTS, 40, 20, 6)), 0, SEARCH_POINTS)
@@ -97,7 +99,8 @@ def chosen(task: Task, starts: Sequence[Mapping[str, float]], group: int, name: 
     Where a line misses by far, its resonances hide how many parts there are: each number is looked at with one mode beside it.
     """
     if not (before.motor.is_line and misses_by_far(before.sizes)):
-        found = _least_of_each(task.sweeping(name).thinned(SEARCH_POINTS), starts, name, tried, GLANCE_STARTS)
+        most = GLANCE_STARTS if before.marginal.nothing_left < 0.5 else GLANCE_STARTS_IF_DESCRIBED
+        found = _least_of_each(task.sweeping(name).thinned(SEARCH_POINTS), starts, name, tried, most)
     else:
         found = {}
         for value in possible(tried, task.measurement):

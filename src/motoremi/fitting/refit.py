@@ -191,6 +191,9 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
         return summarise(task, Found(whole, before.history, search_values(task, whole)), before.method, before.seed)
 
     best = arrived(trail.task, solution.values)
+    if best.rms_error_percent > before.rms_error_percent and misses_by_far(best.sizes):
+        # Of a model that comes no closer than the one without the effect, no number of parts matters.
+        return best
     # The numbers of parts between those that the search tries: half as far with each step.
     for name, step in between(trail.task, before):
         # Where nothing is left no other number is better.

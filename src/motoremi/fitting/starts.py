@@ -111,12 +111,17 @@ def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: 
         and a strap of 0.38 uH the fit had put all of the capacitance to the frame into Cr, and from there no pair left less than 9 %.
     """
     searched = dict(parameters)
-    bases = [searched, *({**searched, **start} for start in data_driven_starts(measurement)[:1])]
+    # If nothing is missing, the search already ended at the values from the data.
+    bases = [searched, *({**searched, **start} for start in data_driven_starts(measurement)[:1] if not _is_the_same(searched, start))]
     if not few:
         bases = [{**base, "Ra": base.get("Ra", 1.0) * ra} for base in bases for ra in (1.0, 0.1)]
     if (errs_by_far or not few) and searched.keys() >= {"Cr", "Cf"}:
         bases.append({**searched, **_neutral_frame(searched["Cr"] + searched["Cf"], measurement)})
     return bases
+
+
+def _is_the_same(values: Mapping[str, float], start: Mapping[str, float]) -> bool:
+    return all(name in values and np.isclose(values[name], value, rtol=1e-9, atol=0.0) for name, value in start.items())
 
 
 def frames_across_the_band(parameters: Mapping[str, float], measurement: Measurement) -> list[dict[str, float]]:
