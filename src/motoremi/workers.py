@@ -16,12 +16,15 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.synchronize import Event
+from pickle import PicklingError
 from typing import Protocol, TypeVar
 
 from motoremi.interrupts import cancelled_by
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
+# What `pickle` raises. If the work itself raised it, computing it again in this process raises it again.
+NOT_SENT = (PicklingError, AttributeError, TypeError)
 # Further processes would be idle: the search ends with a few models.
 MOST_PROCESSES = 16
 
@@ -63,10 +66,13 @@ def useful_processes() -> int:
 
 
 class _Shared:
-    """A map over an executor; jobs lost because a worker process ended (killed, out of memory) are computed in this process."""
+    """A map over an executor; jobs that a worker process cannot compute are computed in this process.
+
+    They are lost if the worker ends (killed, out of memory), or cannot be sent to it: a law of a user's own effect may be a lambda.
+    """
 
     def __init__(self, executor: ProcessPoolExecutor) -> None:
-        self._executor = executor
+        self._executor, self._sendable = executor, True
 
     def __call__(self, work: Callable[[Job], Result], jobs: Iterable[Job], /) -> Iterator[Result]:
         # All jobs are submitted before the first result is waited for.
@@ -74,6 +80,8 @@ class _Shared:
         return (self._result(work, job, future) for job, future in submitted)
 
     def _submitted(self, work: Callable[[Job], Result], job: Job) -> Future[Result] | None:
+        if not self._sendable:
+            return None
         try:
             return self._executor.submit(until_ended, work, job)
         except BrokenProcessPool:
@@ -85,6 +93,8 @@ class _Shared:
                 return future.result()
             except BrokenProcessPool:
                 pass
+            except NOT_SENT:
+                self._sendable = False
         return work(job)
 
 

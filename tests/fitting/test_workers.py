@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -95,6 +95,21 @@ def test_processes_killed_between_two_rounds_are_done_without() -> None:
             process.join()
         for _ in range(2):
             assert list(each(slow_square, range(6))) == [(value**2, os.getpid()) for value in range(6)]
+    assert gone()
+
+
+def called(job: Callable[[], int]) -> tuple[int, int]:
+    return job(), os.getpid()
+
+
+@needs_fork
+def test_what_cannot_be_sent_is_done_here() -> None:
+    """A circuit with a branch that no catalogue has is none that a worker could build."""
+    with own_processes() as each:
+        for _ in range(2):
+            assert list(each(called, [lambda value=value: value for value in range(30)])) == [(value, os.getpid()) for value in range(30)]
+        with pytest.raises(ZeroDivisionError, match="three"):
+            list(each(three_fails, range(6)))
     assert gone()
 
 
