@@ -4,8 +4,7 @@ All sets of a size are compared (`Board.sets`). In the best of them one effect i
 solution so that a look-alike cannot lose by not converging; a swap that hardly changes a likely model is made in the others as well; and one that
 was there before may be *dropped*: if that leads to a smaller set that is better than all of its size before, further effects are compared beside
 it. The search ends when everything is described, when a further effect gains nothing (pairs are tried nevertheless if the base errs by far), or at
-the largest size. A `Board` supplies the models and their scores: of motors for sweeps (`motor_board`), of sources
-for spectra (`emission.board`).
+the largest size. A `Board` supplies the models and their scores: of motors for sweeps (`motor_board`), of sources for spectra (`emission.board`).
 """
 
 from __future__ import annotations
