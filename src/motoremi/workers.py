@@ -68,8 +68,8 @@ def useful_processes() -> int:
 class _Shared:
     """A map over an executor; jobs that a worker process cannot compute are computed in this process.
 
-    They are lost if the worker ends (killed, out of memory), or cannot be sent to it: a motor with a branch of the user's own has no name by which a
-    worker could build it.
+    They are lost if the worker ends (killed, out of memory), or cannot be sent to it: a motor with a branch of the user's own has no name by which
+    a worker could build it.
     """
 
     def __init__(self, executor: ProcessPoolExecutor) -> None:
