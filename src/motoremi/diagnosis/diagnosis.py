@@ -327,7 +327,7 @@ def _informed(searched: Searched, measurement: Measurement, each: Map = map) -> 
     against = contradiction_in(searched.fit.measurement, declared.judgement)
     left = None if judgement.accepted or against is not None else remainder(judgement.base, judgement.closest.fit, not judgement.described, each)
     findings = (*(() if against is None else (against,)), *_findings(searched.fit, declared, left, each), *of_the_operator(rivals))
-    return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, against), searched=searched)
+    return dataclasses.replace(_concluded(judgement, findings, left, rivals, measurement, against, each), searched=searched)
 
 
 def _cleaned(first: Judgement, progress: Progress | None, each: Map) -> Judgement:
@@ -438,10 +438,16 @@ def _findings(fit: Fit, declared: Declared, left: Remainder | None, each: Map = 
 
 
 def _concluded(
-    judgement: Judgement, findings: tuple[Finding, ...], left: Remainder | None, rivals: Rivals, measurement: Measurement, against: Finding | None
+    judgement: Judgement,
+    findings: tuple[Finding, ...],
+    left: Remainder | None,
+    rivals: Rivals,
+    measurement: Measurement,
+    against: Finding | None,
+    each: Map,
 ) -> Diagnosis:
     """The diagnosis for a judgement; with a finding `against` the data the verdict is `data`."""
-    question = next_question(rivals, measurement)
+    question = next_question(rivals, measurement, each=each)
     base, belief = judgement.base, judgement.belief
     unknown = departs(rivals)
     named = () if judgement.accurate or not judgement.accepted or unknown else judgement.named

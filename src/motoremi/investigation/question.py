@@ -8,7 +8,7 @@ describes; with the responses that effects name, and without. The information in
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -28,6 +28,7 @@ from motoremi.investigation.rivals import OUTSIDE, Rival, Rivals
 from motoremi.investigation.system import Prediction
 from motoremi.quantities import show
 from motoremi.threads import one_blas_thread
+from motoremi.workers import Map
 
 Stop: TypeAlias = Literal["one-stands", "inseparable", "nothing-missing"]
 
@@ -57,6 +58,8 @@ DRAWS = 40
 # Number of measurements, those with the most information alone, of which pairs are considered.
 PAIRED = 5
 POINTS_OF_A_PAIR, POINTS_LISTED = 20, 14
+# Number of measurements that are sent to another process together: what is derived from the explanations is derived there once.
+TOGETHER = 6
 # A sweep that was measured with the other termination is requested so many times; then both terminations of this motor are the same.
 SAME_AGAIN = 2
 # An open direction of a model moves its prediction by no more than so many standard deviations of logarithms.
@@ -183,7 +186,12 @@ class Question:
 
 @one_blas_thread
 def next_question(
-    rivals: Rivals, measurement: Measurement, without: Iterable[str] = (), odds: float = ODDS, sweep_minutes: float = SWEEP_MINUTES
+    rivals: Rivals,
+    measurement: Measurement,
+    without: Iterable[str] = (),
+    odds: float = ODDS,
+    sweep_minutes: float = SWEEP_MINUTES,
+    each: Map = map,
 ) -> Question:
     """The measurement with the most expected information per minute.
 
@@ -199,6 +207,8 @@ def next_question(
         At which one explanation counts as the only one left.
     sweep_minutes : float
         Duration of one sweep.
+    each : callable
+        Like the built-in `map`; computes the information of several measurements.
 
     Returns
     -------
@@ -214,7 +224,10 @@ def next_question(
     stands = share >= odds / (1 + odds)
     # If one explanation is left, the remaining measurements are only listed.
     points = POINTS_LISTED if stands else POINTS_AHEAD
-    worths = [_worth(option, standing, measurement, sweep_minutes, points) for option in possible if option.predicted]
+    predicted = [option for option in possible if option.predicted]
+    parts = [predicted[at : at + TOGETHER] for at in range(0, len(predicted), TOGETHER)]
+    jobs = [(options, standing, measurement, sweep_minutes, points) for options in parts]
+    worths = [one for found in each(_worths, jobs) for one in found]
     ranked = sorted((one for one in worths if one is not None), key=_order, reverse=True)
     # The information of these is not predicted.
     unpredicted = [BY_NAME["repeats"], *(option for option in possible if not option.predicted)]
@@ -257,12 +270,16 @@ def _needed(measurement: Measurement) -> tuple[Option, str] | None:
 
 
 def _asked_about(rivals: Rivals) -> list[tuple[Rival, float]]:
-    """The most probable explanations with probabilities that sum to one; the one outside the catalogue is always included."""
+    """The most probable explanations with probabilities that sum to one; the one outside the catalogue is always included.
+
+    What is known of their unknowns is taken as normal: outcomes are predicted so, and it can be sent to another process.
+    """
     ranked = sorted(rivals.members, key=lambda one: -one.log_weight)
     kept = [one for one in ranked if rivals.probabilities[one.key] >= LEAST_ASKED][:MOST_ASKED]
     kept += [one for one in ranked if one.outside and one not in kept]
     weights = np.array([max(rivals.probabilities[one.key], LEAST_ASKED) for one in kept])
-    return [(one, float(weight)) for one, weight in zip(kept, weights / weights.sum(), strict=True)]
+    normal = [replace(one, known=one.known.normal) for one in kept]
+    return [(one, float(weight)) for one, weight in zip(normal, weights / weights.sum(), strict=True)]
 
 
 def _minutes(option: Option, sweep_minutes: float) -> float:
@@ -371,6 +388,13 @@ def _distributions(options: Sequence[Option], rival: Rival, measurement: Measure
         share = float(np.prod([one.share for one in chosen]))
         found.append(_Component(float(np.log(share)), np.concatenate([one.mean for one in chosen]), root))
     return found
+
+
+@one_blas_thread
+def _worths(job: tuple[Sequence[Option], Sequence[tuple[Rival, float]], Measurement, float, int]) -> list[Worth | None]:
+    """`_worth` of several measurements."""
+    options, standing, measurement, sweep_minutes, points = job
+    return [_worth(option, standing, measurement, sweep_minutes, points) for option in options]
 
 
 def _worth(option: Option, standing: Sequence[tuple[Rival, float]], measurement: Measurement, sweep_minutes: float, points: int) -> Worth | None:
