@@ -66,7 +66,8 @@ def trail_to(
     if near:
         bases = [{**own, **near}, own]
     else:
-        bases = base_starts(own, before.measurement.coarse, few=len(tried) > 9, errs_by_far=misses_by_far(before.sizes))
+        beside = bool(before.effects) and misses_by_far(before.sizes)
+        bases = base_starts(own, before.measurement.coarse, few=len(tried) > 9, errs_by_far=beside)
         if before.effects or before.sizes.discrepancy < PLAIN:
             # With effects, the search's best and the likelihood's may be different local minima. If little is undescribed, the analyser's errors
             # describe part of the effect: without them a start would be far above the fit without the effect.
