@@ -49,13 +49,13 @@ def test_a_scan_with_a_strap_is_as_exact_as_its_steps_without_noise(strap_h):
     assert found["inductance_h"] == pytest.approx(strap_h, rel=2e-3, abs=1e-10)
 
 
-@pytest.mark.parametrize("errs_by_far", [True, False])
-def test_few_starts_of_a_model_that_errs_by_far_divide_the_capacitance_to_the_frame_anew(errs_by_far):
+@pytest.mark.parametrize("frame_anew", [True, False])
+def test_few_starts_divide_the_capacitance_to_the_frame_anew_where_asked_for(frame_anew):
     lost = {**WINDING, **FRAME, "Cr": 4.9e-9, "Cf": 1e-13}
-    starts = base_starts(lost, sweeps_behind(0.0), few=True, errs_by_far=errs_by_far)
+    starts = base_starts(lost, sweeps_behind(0.0), few=True, frame_anew=frame_anew)
     assert starts[0] == lost
     anew = [start for start in starts if start["Cf"] == pytest.approx(0.4 * 4.9e-9)]
-    assert [start["Cr"] + start["Cf"] for start in anew] == [pytest.approx(4.9e-9)] * errs_by_far
+    assert [start["Cr"] + start["Cf"] for start in anew] == [pytest.approx(4.9e-9)] * frame_anew
 
 
 def test_the_winding_is_read_behind_a_lead():

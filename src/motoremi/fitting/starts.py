@@ -98,7 +98,7 @@ def _winding(measurement: Measurement) -> Mapping[str, float]:
     return winding_of(b0, b1, a2, found.middle) if b1 > 0 and a2 > 0 else {}
 
 
-def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: bool, errs_by_far: bool = False) -> list[dict[str, float]]:
+def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: bool, frame_anew: bool = False) -> list[dict[str, float]]:
     """Values of the elements to start an effect from.
 
     A model without the effect has wrong elements, so besides the fit itself there are values computed from the data (the frame's from the
@@ -107,15 +107,16 @@ def base_starts(parameters: Mapping[str, float], measurement: Measurement, few: 
     Parameters
     ----------
     few : bool
-        Without other values of Ra, and with another frame only for a model that errs by far (`errs_by_far`): with a snubber across the terminals
-        and a strap of 0.38 uH the fit had put all of the capacitance to the frame into Cr, and from there no pair left less than 9 %.
+        Without other values of Ra, and without the frame in the band.
+    frame_anew : bool
+        With that frame nevertheless, whose capacitance is divided anew between Cr and Cf.
     """
     searched = dict(parameters)
     # If nothing is missing, the search already ended at the values from the data.
     bases = [searched, *({**searched, **start} for start in data_driven_starts(measurement)[:1] if not _is_the_same(searched, start))]
     if not few:
         bases = [{**base, "Ra": base.get("Ra", 1.0) * ra} for base in bases for ra in (1.0, 0.1)]
-    if (errs_by_far or not few) and searched.keys() >= {"Cr", "Cf"}:
+    if (frame_anew or not few) and searched.keys() >= {"Cr", "Cf"}:
         bases.append({**searched, **_neutral_frame(searched["Cr"] + searched["Cf"], measurement)})
     return bases
 

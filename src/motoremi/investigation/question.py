@@ -58,7 +58,7 @@ DRAWS = 40
 # Number of measurements, those with the most information alone, of which pairs are considered.
 PAIRED = 5
 POINTS_OF_A_PAIR, POINTS_LISTED = 20, 14
-# Number of measurements that are sent to another process together: what is derived from the explanations is derived there once.
+# Number of measurements that are sent to another process together, a quarter of the menu: what they have in common is computed there once.
 TOGETHER = 6
 # A sweep that was measured with the other termination is requested so many times; then both terminations of this motor are the same.
 SAME_AGAIN = 2
