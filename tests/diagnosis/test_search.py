@@ -105,6 +105,19 @@ def test_pairs_are_tried_though_no_effect_gains_anything_if_the_base_errs_by_far
     assert not [call for call in made.calls if call.startswith("swap a")]
 
 
+@pytest.mark.parametrize("further", [True, False])
+def test_larger_sets_are_compared_only_if_they_are_asked_for(further):
+    made, asked = board({"": 0, "a": 50, "ab": 200}, finished=("ab",)), []
+    found = explore(made, made.model(()), BUDGET, further=lambda best: asked.append(best.added) or further)
+    assert asked == [("a",)]
+    assert key_of(best_of(found.values())) == (("a", "b") if further else ("a",))
+
+
+def test_larger_sets_are_not_asked_for_if_one_effect_describes_everything():
+    made = board({"": 0, "a": 50}, finished=("a",))
+    explore(made, made.model(()), BUDGET, further=lambda best: pytest.fail("asked"))
+
+
 @pytest.mark.parametrize("alone", [60, 8], ids=["was overlooked", "is no better than another"])
 def test_beside_a_smaller_set_that_only_dropping_found_further_effects_are_compared(alone):
     """Alone, "a" is overlooked, and so is its pair with "b": a swap does not lead to either."""

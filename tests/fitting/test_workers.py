@@ -232,9 +232,9 @@ def test_a_diagnosis_does_not_depend_on_who_works(monkeypatch: pytest.MonkeyPatc
 
     elsewhere = me.diagnose(base, map=sending)
     assert len(sent) > 50
-    # One round of a race, its arrival and its end, the fit on all points, the two looks at pairs, the evidence along a parameter, and what the next
-    # measurements would tell.
-    assert len(set(sent)) == 8
+    # Start values, one round of a race, its arrival and its end, the fit on all points, the two looks at pairs, the evidence along a parameter, and
+    # what the next measurements would tell.
+    assert len(set(sent)) == 9
     monkeypatch.setattr(workers, "useful_processes", lambda: 1)
     alone = me.diagnose(base)
     assert set(both.effects) == set(case.hidden)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_ERRING_PERCENT, believe
@@ -26,12 +26,18 @@ ONE_EFFECT = Budget(swaps=(0,))
 FURTHER = 4
 
 
-def judge(base: Fit, progress: Progress | None = None, budget: Budget = BUDGET, each: Map = map) -> Judgement:
-    """Search for the effects that are missing from a fit, and decide."""
+def judge(
+    base: Fit,
+    progress: Progress | None = None,
+    budget: Budget = BUDGET,
+    each: Map = map,
+    further: Callable[[Candidate], bool] = lambda best: True,
+) -> Judgement:
+    """Search for the effects that are missing from a fit, and decide; `further` as in `explore`."""
     # For a circuit within the stated accuracy, effects are shown and none is named.
     spent = ONE_EFFECT if accurate(base) else budget
     board = MotorBoard(base, each, FURTHER if spent.most_effects > 1 else 0)
-    found = explore(board, board.start(), spent, progress)
+    found = explore(board, board.start(), spent, progress, further)
     best = best_of(found.values())
     if base.measurement.terminations == ("short",) and len(best.added) == 1 and (accurate(base) or _is_nearly_ordinary(base, best)):
         # One sweep of a winding alone, of which hardly more than copper and insulation may be left.

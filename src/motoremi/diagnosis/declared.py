@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 from motoremi.arrays import Progress
 from motoremi.data.analyser import ANALYSERS, BETWEEN_PORTS, DEFAULT_ANALYSER, TRANSMISSION, Analyser
-from motoremi.diagnosis.candidates import Candidate
+from motoremi.diagnosis.candidates import Candidate, candidate
 from motoremi.diagnosis.decision import ONE_EFFECT, judge, of_every_winding
 from motoremi.diagnosis.judgement import Judgement, accurate
-from motoremi.diagnosis.thresholds import ALIKE, HALF
+from motoremi.diagnosis.thresholds import ALIKE, HALF, NEARLY_ALL
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit, summarise
 from motoremi.fitting.search import BEYOND_SIGMA, Found, Task, arrived_on_all
 from motoremi.progress import part
@@ -74,17 +74,59 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
     # The most probable analysers, each for the base or for the most probable model.
     tried = sorted(refitted, key=lambda fits: -max(fit.log_evidence for fit in fits))
     for place, (base, _) in enumerate(tried[:MOST_TRIED]):
-        # Only single effects: two of them and the large errors of a network analyser would describe anything.
-        other = judge(base, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), ONE_EFFECT, each)
-        odds = other.best.score - first.best.score
-        # It counts only if it needs no errors beyond its own specification.
-        within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and _as_close(other.model, best, first.base)
-        # Nor if the effect that it leaves room for describes less than half: that is a cause outside the catalogue, and the analyser is as declared
-        # (a driven machine on the shaft: 3.9 % became 3.0 % with a coupled winding and the errors of a network analyser).
-        describes = not other.named or other.model.left_share <= HALF
-        if odds > TAKEN and other.accepted and within and describes:
-            return Declared(of_every_winding(other, not declared.named), base.measurement.analyser, float(odds))
+        taken = _taken(base, first.base, first.best, part(progress, place / MOST_TRIED, (place + 1) / MOST_TRIED), each)
+        if taken is not None:
+            return taken
     return Declared(first)
+
+
+def of_the_base(base: Fit, best: Candidate, progress: Progress | None = None, each: Map = map) -> Declared | None:
+    """The judgement with another analyser, if with that the base describes everything, far more probably than an effect with the declared one.
+
+    It is asked for before pairs of effects are compared, which takes most of the time of a search. If an effect with the declared analyser leaves
+    little, a pair may be as probable.
+
+    Parameters
+    ----------
+    base : Fit
+        With the declared analyser.
+    best : Candidate
+        The most probable single effect with it, or none.
+    progress : callable, optional
+    each : callable
+        As the built-in `map`.
+    """
+    if best.left_share <= NEARLY_ALL or base.measurement.remark:
+        return None
+    others = [_refitted(base, other) for other in hypotheses(base.measurement.analyser)]
+    describing = [fit for fit in others if candidate(fit, fit).done and fit.log_evidence > best.fit.log_evidence + TAKEN]
+    if not describing:
+        return None
+    taken = _taken(max(describing, key=lambda fit: fit.log_evidence), base, best, progress, each)
+    return None if taken is None or taken.judgement.named else taken
+
+
+def _taken(base: Fit, declared: Fit, best: Candidate, progress: Progress | None, each: Map) -> Declared | None:
+    """The judgement with another analyser; None if it is not to be used instead of the declared one.
+
+    Parameters
+    ----------
+    base, declared : Fit
+        The base with the other analyser, and with the declared one.
+    best : Candidate
+        The most probable model with the declared one.
+    """
+    # Only single effects: two of them and the large errors of a network analyser would describe anything.
+    other = judge(base, progress, ONE_EFFECT, each)
+    odds = other.best.score - best.score
+    # It counts only if it needs no errors beyond its own specification.
+    within = other.model.fit.analyser_sigma <= SPECIFIED_SIGMA and _as_close(other.model, best.fit, declared)
+    # Nor if the effect that it leaves room for describes less than half: that is a cause outside the catalogue, and the analyser is as declared
+    # (a driven machine on the shaft: 3.9 % became 3.0 % with a coupled winding and the errors of a network analyser).
+    describes = not other.named or other.model.left_share <= HALF
+    if odds <= TAKEN or not (other.accepted and within and describes):
+        return None
+    return Declared(of_every_winding(other, not declared.measurement.analyser.named), base.measurement.analyser, float(odds))
 
 
 def _as_close(model: Candidate, best: Fit, base: Fit) -> bool:

@@ -15,7 +15,7 @@ from motoremi.data.measurement import Measurement
 from motoremi.diagnosis.belief import RELIABLE, Verdict, after_verdict
 from motoremi.diagnosis.candidates import Candidate, large_elements
 from motoremi.diagnosis.decision import ONE_EFFECT, judge
-from motoremi.diagnosis.declared import Declared, likeliest
+from motoremi.diagnosis.declared import Declared, likeliest, of_the_base
 from motoremi.diagnosis.explore import Key, ranked
 from motoremi.diagnosis.findings import (
     Finding,
@@ -312,9 +312,16 @@ def diagnose(fit: Fit, progress: Progress | None = None, map: Map | None = None)
             alone = Declared(judge(fit, search, ONE_EFFECT, each))
             if contradiction_in(fit.measurement, alone.judgement) is not None:
                 return _informed(Searched(fit, alone), fit.measurement, each)
-        first = judge(fit, search, each=each)
         under_others, last = part(progress, AGAIN, TOGETHER), part(progress, TOGETHER, 1.0)
-        declared = likeliest(_cleaned(first, again, each), under_others, each)
+        of_base: Declared | None = None
+
+        def is_as_declared(best: Candidate) -> bool:
+            nonlocal of_base
+            of_base = of_the_base(fit, best, under_others, each)
+            return of_base is None
+
+        first = judge(fit, search, each=each, further=is_as_declared)
+        declared = of_base or likeliest(_cleaned(first, again, each), under_others, each)
         declared = _with_whole_machine(declared, last, each)
         return _informed(Searched(fit, declared), fit.measurement, each)
 

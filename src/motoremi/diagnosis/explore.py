@@ -10,7 +10,7 @@ the largest size. A `Board` supplies the models and their scores: of motors for 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from math import inf
@@ -101,7 +101,9 @@ def best_of(models: Iterable[M]) -> M:
     return max(models, key=lambda model: model.score)
 
 
-def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None = None) -> dict[Key, M]:
+def explore(
+    board: Board[M], base: M, budget: Budget, progress: Progress | None = None, further: Callable[[M], bool] = lambda best: True
+) -> dict[Key, M]:
     """All models that were found, by what is added; `base` itself under the empty key.
 
     Parameters
@@ -112,6 +114,8 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
     budget : Budget
     progress : callable, optional
         Called with a text, the work done and its total.
+    further : callable, optional
+        Asked with the best model with at most one effect, if it does not describe everything: whether larger sets are to be compared.
     """
     found: dict[Key, M] = {(): base}
     for size in range(1, budget.most_effects + 1):
@@ -128,7 +132,7 @@ def explore(board: Board[M], base: M, budget: Budget, progress: Progress | None 
         if len(best.added) == size > 1:
             _drop(board, found, best, budget)
             best = best_of(found.values())
-        if best.done:
+        if best.done or (size == 1 < budget.most_effects and not further(best)):
             break
     return found
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Hashable, Iterable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from math import inf
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from motoremi.arrays import Progress
 from motoremi.diagnosis.candidates import (
@@ -44,7 +44,7 @@ from motoremi.fitting.race import (
 from motoremi.fitting.refit import on_all_points
 from motoremi.fitting.result import SPECIFIED_SIGMA, Fit
 from motoremi.fitting.search import CLOSER, PLAIN, Solution, misses_by_far
-from motoremi.fitting.trail import task_without, trail_to, values_without
+from motoremi.fitting.trail import task_without, trail_from, trail_to, values_without
 from motoremi.model.effects import find_effect
 from motoremi.progress import part
 from motoremi.workers import Map
@@ -100,7 +100,7 @@ class MotorBoard:
 
     def _sets(self, size: int, found: Mapping[Key, Candidate], progress: Progress | None) -> list[Candidate]:
         if size == 1:
-            trails, solutions = self._singles({name: trail_to(self._base, name) for name in possible_effects(self._base)}, progress)
+            trails, solutions = self._singles(self._trails(self._base, possible_effects(self._base)), progress)
         elif size > 2:
             trails = self._beside_the_best(found, size - 1)
             solutions = _likeliest_orders([race(trails, BESIDE, (), progress, self._each).solutions])
@@ -111,7 +111,7 @@ class MotorBoard:
             if pairs and not any(little_is_left(solution.sizes) for solution in arrived.values()):
                 # Among pairs in wrong minima the right one may be left behind: of a suppressor and the inductance of the frame strap all that
                 # arrived left 23 %, and the strap was found beside the suppressor, the best single effect.
-                beside |= _beside(ranked(found, 1)[0])
+                beside |= self._beside(ranked(found, 1)[0])
             found_beside = race(beside, BESIDE, (), part(progress, 0.9, 1.0), self._each).solutions
             solutions = _likeliest_orders([arrived, found_beside])
             trails = {**pairs, **beside}
@@ -184,18 +184,16 @@ class MotorBoard:
         behind = {key: trail for key, trail in trails.items() if key not in solutions and trail.task.motor.is_line}
         return dict(zip(behind, self._each(raced_alone, behind.values()), strict=True))
 
-    @staticmethod
-    def _beside_the_best(found: Mapping[Key, Candidate], size: int) -> Mapping[Key, Trail]:
+    def _beside_the_best(self, found: Mapping[Key, Candidate], size: int) -> Mapping[Key, Trail]:
         """Each effect with the best set of a size that leaves little: the likelihood must compare such sets, not points of equal weight.
 
         Two effects whose circuit errs little leave little, even if the rest needs larger errors of the analyser than declared: what a third one
         does (a loss angle beside a core of two materials, which left 0.3 %) may be in them.
         """
         best = _best_with_little_left(found, size, errs_little=True)
-        return {} if best is None else _beside(best)
+        return {} if best is None else self._beside(best)
 
-    @staticmethod
-    def _beside_singles(found: Mapping[Key, Candidate]) -> Mapping[Key, Trail]:
+    def _beside_singles(self, found: Mapping[Key, Candidate]) -> Mapping[Key, Trail]:
         """Each effect with each single one that leaves little, one for each law.
 
         Beside a relaxing permeability, the most probable single effect, nothing was as probable as a contact beside a rotor cage, which alone was
@@ -208,13 +206,13 @@ class MotorBoard:
         little = [one for one in ranked(found, 1) if little_is_left(one.fit.sizes) or one.fit.rms_error_percent < most_percent]
         gaining = [one for one in little if one is best or one.score > found[()].score]
         of_each_law = {find_effect(one.effect).effect.formula: one for one in reversed(gaining)}
-        return {key: trail for one in of_each_law.values() for key, trail in _beside(one).items()}
+        return {key: trail for one in of_each_law.values() for key, trail in self._beside(one).items()}
 
     def _only_beside(self, found: Mapping[Key, Candidate]) -> Mapping[Key, Trail]:
         """Effects that make a difference only beside another one (a choke between a capacitor and the brushes), beside each of those."""
         alone = set(possible_effects(self._base))
         singles = [one for key, one in found.items() if len(key) == 1]
-        return {key: trail for one in singles for key, trail in _beside(one, alone).items()}
+        return {key: trail for one in singles for key, trail in self._beside(one, alone).items()}
 
     def _contain_the_best(self, found: Mapping[Key, Candidate]) -> bool:
         """Whether the best pair can be expected to contain the best single effect: that leaves next to nothing, or there was little to describe."""
@@ -257,9 +255,8 @@ class MotorBoard:
         names = [name for name in possible_effects(under) if (name == only if only else seen_in(under, name) == place)]
         near = {**under.parameters, **model.fit.nuisance}
         parts = {name: parts_of(trail, name) for name, trail in self._alone.items()}
-        trails = {
-            name: trail_to(under, name) if name == effect else trail_to(under, name, parts.get(name), near=near, rival=model.fit) for name in names
-        }
+        others = {name: {"held": parts.get(name), "near": near, "rival": model.fit} for name in names if name != effect}
+        trails = self._trails(under, names, others)
         if model.done:
             # Others may leave nothing too, and equal weights of the points distinguish nothing there: all starts of a rotor cage in the place of a
             # skin effect were in a minimum whose log evidence is lower by 96. With next to no discrepancy no start leaves its minimum: those of a
@@ -267,9 +264,9 @@ class MotorBoard:
             left = model.fit.sizes._replace(discrepancy=max(model.fit.sizes.discrepancy, PLAIN))
             trails = {name: dataclasses.replace(trail, left=left) for name, trail in trails.items()}
         alike = {name: trail for name, trail in trails.items() if name == effect or _alike(name, effect)}
-        others = {name: trail for name, trail in trails.items() if name not in alike}
+        unlike = {name: trail for name, trail in trails.items() if name not in alike}
         # Look-alikes are fitted to the end: only the likelihood distinguishes them.
-        solutions = [race(alike, LOOK_ALIKE, list(alike), each=self._each).solutions, race(others, LOOK_NEAR, each=self._each).solutions]
+        solutions = [race(alike, LOOK_ALIKE, list(alike), each=self._each).solutions, race(unlike, LOOK_NEAR, each=self._each).solutions]
         found = [one for group in solutions for one in self._refitted(trails, self._near_best(len(model.added), group))]
         return [one for one in (*found, *self._renamed(model, effect, trails)) if not one.exchanged]
 
@@ -297,10 +294,20 @@ class MotorBoard:
 
     def beside(self, model: Candidate) -> list[Candidate]:
         """Each possible effect with a set that was found later than those of its size."""
-        trails = _beside(model)
+        trails = self._beside(model)
         solutions = race(trails, BESIDE, each=self._each).solutions
         near = self._refitted(trails, self._near_best(len(model.added) + 1, _likeliest_orders([solutions])))
         return [one for one in near if not one.exchanged]
+
+    def _beside(self, one: Candidate, without: Collection[str] = ()) -> Mapping[Key, Trail]:
+        """Each possible effect, but for some, added to a set."""
+        names = [name for name in possible_effects(one.fit) if name not in without]
+        return {(*one.added, name): trail for name, trail in self._trails(one.fit, names).items()}
+
+    def _trails(self, fit: Fit, names: Sequence[str], further: Mapping[str, Mapping[str, Any]] | None = None) -> dict[str, Trail]:
+        """Each of these effects added to a fit, with `further` arguments of `trail_to` for some."""
+        jobs = [(fit, name, (further or {}).get(name, {})) for name in names]
+        return dict(zip(names, self._each(trail_from, jobs), strict=True))
 
     def _near_best(self, size: int, solutions: Mapping[Name, Solution]) -> dict[Name, Solution]:
         """Those that are near the best of their size, in this race and in those before it."""
@@ -326,11 +333,6 @@ class MotorBoard:
             held=task.held,
             bounds=task.bounds,
         )
-
-
-def _beside(one: Candidate, without: Collection[str] = ()) -> Mapping[Key, Trail]:
-    """Each possible effect, but for some, added to a set."""
-    return {(*one.added, name): trail_to(one.fit, name) for name in possible_effects(one.fit) if name not in without}
 
 
 def _holding(trail: Trail, fit: Fit) -> Trail:

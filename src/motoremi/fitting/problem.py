@@ -332,8 +332,12 @@ class Problem:
 
     def _along(self, values: ComplexArray) -> FloatArray:
         """Components, shape (..., 2 q), of weighted residuals, shape (..., n), along the smooth directions."""
-        along = [values[..., points] @ part for points, part in self._adjoints]
-        return np.concatenate(along, axis=-1).view(np.float64) if along else np.zeros((*values.shape[:-1], 0))
+        # One product of all rows takes less time than one for each member of a batch.
+        rows = values.reshape(-1, self.size)
+        along = [rows[:, points] @ part for points, part in self._adjoints]
+        if not along:
+            return np.zeros((*values.shape[:-1], 0))
+        return np.concatenate(along, axis=-1).view(np.float64).reshape(*values.shape[:-1], -1)
 
     def linearised(self, u: FloatArray) -> Linearised:
         """The objective round `u`, shape (..., k), to second order."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from motoremi.fitting.starts import base_starts
 from motoremi.model.effects import add_effects, find_effect
 from motoremi.model.effects.start import with_start
 from motoremi.model.motor import Motor, dc_motor
+from motoremi.threads import one_blas_thread
 
 # A step of gain is sought in so much of ln(f) on either side.
 STEP_REACH = 0.15
@@ -86,6 +88,13 @@ def trail_to(
         if values
     }
     return Trail(dataclasses.replace(task, held={**fixed, **parts}), starts, len(bases), before.sizes)
+
+
+@one_blas_thread
+def trail_from(job: tuple[Fit, str, Mapping[str, Any]]) -> Trail:
+    """`trail_to` as a job for another process: the fit, the effect, and further arguments by name."""
+    fit, effect, further = job
+    return trail_to(fit, effect, **further)
 
 
 def _scanned_step(before: Fit, label: str) -> dict[str, float]:
