@@ -464,7 +464,7 @@ def test_a_cell_that_does_not_resonate_is_unusual(resistance_ohm, overdamped):
     own = {f"{label}.{name}": value for name, value in values.items()}
     assert bool(unusual_values(motor, {label}, own)) == overdamped
     nothing, sigma = SimpleNamespace(nothing_left=1.0), dict.fromkeys(own, 0.0)
-    fit = SimpleNamespace(effects=(label,), motor=motor, parameters=own, local_sigma=sigma, marginal=nothing)
+    fit = SimpleNamespace(effects=(label,), motor=motor, parameters=own, exact_sigma=sigma, marginal=nothing)
     said = Candidate((label,), fit, 0.0, ()).unusual_in_words  # type: ignore[arg-type]
     assert said == ("second-resonance.resistance_ohm = 61 Ohm, second-resonance is overdamped, so nothing resonates" if overdamped else "")
 

@@ -67,7 +67,7 @@ def _at_the_frame(fit: Fit) -> list[FloatArray]:
     Only if one of its elements is hardly known: where all are, the sweeps show the resonance.
     """
     problem = fit.weighed
-    known = {p.name: deviation for p, deviation in zip(problem.unknowns, np.sqrt(np.diag(fit.local_covariance)), strict=True)}
+    known = {p.name: deviation for p, deviation in zip(problem.unknowns, np.sqrt(np.diag(fit.exact_covariance)), strict=True)}
     if not known.keys() >= FRAME or 2 * max(known[name] for name in FRAME) < APART:
         return []
     seen = fit.parameters

@@ -21,6 +21,7 @@ from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.band_scaling import scaled_ranges
 from motoremi.fitting.exchange import EXCHANGEABLE, other_assignment
+from motoremi.fitting.inexact import pulls_of_laws
 from motoremi.fitting.intervals import Derived, Interval
 from motoremi.fitting.marginal import NOTHING_LEFT, Marginal, scales_of
 from motoremi.fitting.problem import AS_DECLARED, Linearised, Problem, fixture_parameters
@@ -74,8 +75,8 @@ class Fit:
     seed : int
     parameters, local_sigma : dict
         Values and standard deviations in SI units, infinite for what the data do not determine: from the curvature at the solution, with the
-        discrepancy, that the analyser may be worse than declared, changes while the repeats drifted, and that the resonances of an
-        open-circuit sweep alone may be exchanged. `sigma` has other solutions as well.
+        discrepancy, that the analyser may be worse than declared, changes while the repeats drifted, laws of effects that are not exact, and that
+        the resonances of an open-circuit sweep alone may be exchanged. `sigma` has other solutions as well.
     nuisance : dict
         Most probable residuals of the fixture's compensation, SI units.
     chi2_reduced : float
@@ -254,7 +255,7 @@ class Fit:
     def covariance(self) -> FloatArray:
         """Of the problem's unknowns (logarithms of positive parameters), averaged over how much worse than declared the analyser may be.
 
-        That of the linear model round the solution; `local_covariance` and `shown_covariance` have more.
+        That of the linear model round the solution; `exact_covariance`, `local_covariance` and `shown_covariance` have more.
         """
         shares = self.marginal.of_scale
         total = np.zeros_like(self.linearised.matrix)
@@ -274,6 +275,11 @@ class Fit:
         return self.local_sigma if not len(self.alternatives) else FrozenDict(_in_si(self, self.shown_covariance))
 
     @cached_property
+    def exact_sigma(self) -> Mapping[str, float]:
+        """Standard deviations in SI units if the laws of all effects were exact."""
+        return FrozenDict(_in_si(self, self.exact_covariance))
+
+    @cached_property
     def shown_covariance(self) -> FloatArray:
         """That of `local_covariance`, and of other solutions: one standard deviation contains each that is far, two the others.
 
@@ -289,11 +295,19 @@ class Fit:
     def far(self, steps: FloatArray) -> BoolArray:
         """Whether steps of the unknowns, shape (m, k), are far for a parameter of the motor, given its error bar from the curvature."""
         own = self.weighed.own
-        return np.asarray((np.abs(steps) > FAR * np.sqrt(np.diag(self.local_covariance)))[:, own].any(axis=1))
+        return np.asarray((np.abs(steps) > FAR * np.sqrt(np.diag(self.exact_covariance)))[:, own].any(axis=1))
 
     @cached_property
     def local_covariance(self) -> FloatArray:
-        """The same with what the likelihood does not contain.
+        """That of `exact_covariance`, and of laws of effects that are not exact (`fitting.inexact`)."""
+        off = pulls_of_laws(self.weighed, self.unknowns, self.linearised, 0.01 * self.unexplained_percent["value"]) @ self._covariance_at(
+            self.sizes.declared
+        )
+        return self.exact_covariance + off.T @ off
+
+    @cached_property
+    def exact_covariance(self) -> FloatArray:
+        """That of `covariance` with what the likelihood does not contain, if the laws of all effects are exact.
 
         That is: changes between the sweeps, two resonances that may be exchanged, an error that all impedances have in common
         (`Measurement.scale_sigma`), and an analyser that is worse than declared. Data that show that its errors change little from point to point
