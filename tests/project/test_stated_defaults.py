@@ -330,8 +330,7 @@ def test_numbers_of_the_pages_on_evidence_are_those_of_the_code():
         (evidence, f"half of the motors need no effect, {100 * one:g} % one, {100 * two:g} % two"),
         (
             evidence,
-            f"four more for the best {race.GLANCE.rounds[1].models}, more steps for {race.GLANCE.rounds[2].models} of them, and for the "
-            f"{race.LEADERS} best more points, {race.IN_FULL} of them from",
+            f"more steps for {race.GLANCE.rounds[1].models} of them, and for the {race.LEADERS} best more points, {race.IN_FULL} of them from",
         ),
         (evidence, f"leaves less than {200 * search.PLAIN:g} %"),
         (evidence, f"together have {100 * belief.FAMILY_TOGETHER:g} % of its probability"),
