@@ -233,7 +233,13 @@ def _say_findings(result: Diagnosis) -> None:
 def inspect_(
     path: SessionPath,
     element: Annotated[
-        str, typer.Option("--element", metavar="NAME", help="Ra, La, Ca, Rr, Lr, Cr, Cf, or an effect of the model.", show_default=False)
+        str,
+        typer.Option(
+            "--element",
+            metavar="NAME",
+            help="Ra, La, Ca, Rr, Lr, Cr, Cf, or an effect of the model that is one part of the circuit (a cell, a film).",
+            show_default=False,
+        ),
     ],
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="SVG, PNG or PDF of the curve with its uncertainty.")] = None,
     as_json: AsJson = False,
@@ -462,7 +468,12 @@ def plot_(
     ],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="SVG, PNG or PDF; by default WHAT.svg.")] = None,
     element: Annotated[
-        str | None, typer.Option("--element", metavar="NAME", help="For inspection: Ra, La, Ca, Rr, Lr, Cr, Cf, or an effect of the model.")
+        str | None,
+        typer.Option(
+            "--element",
+            metavar="NAME",
+            help="For inspection: Ra, La, Ca, Rr, Lr, Cr, Cf, or an effect of the model that is one part of the circuit (a cell, a film).",
+        ),
     ] = None,
     effect: Annotated[str | None, typer.Option("--effect", metavar="ID", help="For signature: an effect of the catalogue.")] = None,
     as_json: AsJson = False,

@@ -252,7 +252,9 @@ class Diagnosis:
         return sorted(self.posterior.items(), key=lambda pair: -pair[1])[:LISTED]
 
     def __repr__(self) -> str:
-        lines = [f"Diagnosis: {self.verdict}" + (f" ({', '.join(self.effects)})" if self.effects else "")]
+        families = {family[0]: " or ".join(family) for family in self.families}
+        named = "; ".join(families.get(effect, effect) for effect in self.effects)
+        lines = [f"Diagnosis: {self.verdict}" + (f" ({named})" if named else "")]
         lines += [f"  {reason}" for reason in self.said]
         lines.append(f"  confidence {self.confidence:.2f}; next: {self.following['why']}")
         return "\n".join(lines)

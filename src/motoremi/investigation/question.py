@@ -461,10 +461,12 @@ def _with_pairs(ranked: Sequence[Worth], standing: Sequence[tuple[Rival, float]]
 
 
 def _why(asked: Worth, labels: Mapping[str, float]) -> str:
-    groups = [" or ".join(group) for group in asked.separates[:3]] if len(asked.separates) > 1 else list(labels)[:2]
+    separated = asked.separates[:3] if len(asked.separates) > 1 else [(label,) for label in list(labels)[:2]]
+    groups = [f"({' or '.join(group)})" if len(group) > 1 else group[0] for group in separated]
+    told = " and ".join([", ".join(groups[:-1]), groups[-1]]) if len(groups) > 1 else groups[0]
     then = f", and then {asked.then}" if asked.then else ""
     expected = f"{asked.bits:.2g} of the {_bits(labels.values()):.2g} bits that are missing, in {asked.minutes:.3g} minutes"
-    return f"{asked.option.action}{then}: this should distinguish {' from '.join(groups)}; expected information: {expected}"
+    return f"{asked.option.action}{then}: this should tell apart {told}; expected information: {expected}"
 
 
 def _imitated(best: Rival) -> str:

@@ -29,7 +29,7 @@ from motoremi.report.words import beside_the_error, described, number, would_lea
 NOISE_SOURCES = {
     "repeats": "the repeats",
     "stated": "stated in the file",
-    "scatter": "the sweep's own scatter, an upper bound",
+    "scatter": "the sweep's own scatter, which misses slow drift",
 }
 # What each element stands for, as in docs/paper.md.
 ELEMENTS = {

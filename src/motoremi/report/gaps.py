@@ -88,7 +88,8 @@ def _of_the_import(session: Session) -> list[str]:
     files = imported_files(session)
     if not files:
         return []
-    found = [f"imported: the data were read from {len(files)} files; motoremi neither controlled the instruments nor knows their settings"]
+    how_many = f"{len(files)} files" if len(files) > 1 else "1 file"
+    found = [f"imported: the data were read from {how_many}; motoremi neither controlled the instruments nor knows their settings"]
     items = measured_items(session)
     undated = list(dict.fromkeys(str(item.metadata.get("source", "-")) for item in items if not measured_on(item.metadata)))
     if undated:

@@ -36,8 +36,12 @@ def report_facts(materials: Materials) -> tuple[tuple[str, str], ...]:
         ("Ambient", str(start.get("ambient") or "not stated")),
     ]
     if files := imported_files(session):
+        how_many = f"{len(files)} files" if len(files) > 1 else "1 file"
         facts.append(
-            ("Data", f"IMPORTED on {str(start.get('time', ''))[:10]} from {len(files)} files; the instruments were not driven by motoremi")
+            (
+                "Data",
+                f"IMPORTED on {str(start.get('time', ''))[:10]} from {how_many}; the instruments were not driven by motoremi",
+            )
         )
     if limit := (materials.stored("prediction") or {}).get("limit"):
         facts.append(("Limit", str(limit["title"])))

@@ -141,7 +141,7 @@ def share_of_analyser(fit: Fit) -> str:
     analyser = fit.measurement.analyser
     if analyser.ideal:
         return ""
-    declared = f"the declared errors of a {analyser.name}" if analyser.named else "the errors expected of an unknown analyser"
+    declared = f"the declared errors of the {analyser.name}" if analyser.named else "the errors expected of an unknown analyser"
     left = fit.corrected_error_percent
     corrected = percent(left) if left >= FINEST_PERCENT else f"less than {percent(FINEST_PERCENT)}"
     return f"with the analyser's most likely error subtracted {corrected} ({fit.analyser_sigma:.1f} sigma of {declared})"
