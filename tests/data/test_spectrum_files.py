@@ -596,7 +596,8 @@ def test_a_keysight_trace_that_is_refused(tmp_path: Path, old: str, new: str, sa
 
 def test_an_import_tells_every_gap_of_a_limit_also_to_machines(tmp_path: Path) -> None:
     path = write(tmp_path, "Frequency (Hz),QP (dBuV),AV (dBuV)\n150e3,50,30\n154.5e3,40,20\n")
-    gaps = [f"{detector}: not measured at 159 kHz - 30 MHz; the verdict is on the rest" for detector in ("quasi-peak", "average")]
+    rest = "the verdict is on the rest, 0.03 % of the limit's span"
+    gaps = [f"{detector}: not measured at 159 kHz - 30 MHz; {rest}" for detector in ("quasi-peak", "average")]
     told = json.loads(imported(tmp_path / "j", "--spectrum", path, "--limit", "cispr32-b", "--json"))
     assert (told["verdict"], told["caveats"]) == ("pass", gaps)
     assert "; ".join(gaps) in imported(tmp_path / "t", "--spectrum", path, "--limit", "cispr32-b")

@@ -24,7 +24,7 @@ from motoremi.emission.doubts import NEAR_DB, SCATTER_DB, contradictions, imposs
 from motoremi.emission.finals import Rules, tops
 from motoremi.emission.judge import ORDER, WORST_FIRST, Judged, Verdict, levels_in_words, line_for, overall, place_of, where_in_words
 from motoremi.emission.limit import Limit, LimitLine
-from motoremi.quantities import show_band
+from motoremi.quantities import percent, show_band
 
 Span: TypeAlias = tuple[float, float]
 # Line of the LISN and operating state.
@@ -177,8 +177,15 @@ def _on_line(
     verdict: Verdict | None = worst.verdict if worst is not None and worst.verdict != "pass" else None if left else "pass"
     said = [f"{worst.detector}: {worst.why}"] if worst is not None and worst.verdict != "pass" else []
     said += [left] if left and (worst is None or worst.verdict is not None) else []
-    said += [f"{line.detector}: not measured at {_listed(missing)}; the verdict is on the rest"] if missing else []
+    if missing:
+        share = percent(100 * _width(measured) / _width(limited), 2)
+        said.append(f"{line.detector}: not measured at {_listed(missing)}; the verdict is on the rest, {share} of the limit's span")
     return _OnLine(verdict, "; ".join(said), tuple(missing))
+
+
+def _width(spans: Sequence[Span]) -> float:
+    """Of all spans together, in hertz."""
+    return sum(high - low for low, high in spans)
 
 
 def _not_valid(speaking: Sequence[Spectrum], line: LimitLine, measured: Sequence[Span]) -> str:
