@@ -123,6 +123,15 @@ def test_a_magnitude_below_0_is_refused(tmp_path: Path) -> None:
     np.testing.assert_allclose(read(tmp_path, decibels.replace(" MA ", " DB ")).impedance_ohm, OPEN, rtol=1e-7)
 
 
+@pytest.mark.parametrize("style", ["MA", "DB"])
+def test_angles_that_may_be_radians_are_told(tmp_path: Path, style: str) -> None:
+    s = reflected(5 + S * 3e-6)
+    size = np.abs(s) if style == "MA" else 20 * np.log10(np.abs(s))
+    for angle, told in ((np.angle(s), True), (np.angle(s, deg=True), False)):
+        warnings = read(tmp_path, f"# HZ S {style} R 50\n{rows(FREQUENCY, size, angle)}").metadata.get("warnings", "")
+        assert ("are they in radians?" in str(warnings)) == told
+
+
 # Version 2
 
 

@@ -27,6 +27,8 @@ _ENDING = re.compile(r"\.[sygzh][0-9]p$", re.IGNORECASE)
 _REFERENCE = re.compile(r"R[0-9.]+")
 _PARAMETERS = {"S", "Y", "Z", "G", "H"}
 _FORMATS = {"RI", "MA", "DB"}
+# Largest angle of S11 of a motor whose angles are in radians: from near pi, at the low end of the band or where it resonates, to pi as rounded.
+_NEAR_PI, _PI_ROUNDED = 2.5, 3.1417
 _PLAIN = re.compile(r"not[ -]normali[sz]ed|un-?normali[sz]ed|\bin (?:ohms?|siemens)\b|\[ohms?\]|\(ohms?\)|Ω", re.IGNORECASE)
 _NORMALISED = re.compile(r"normali[sz]ed", re.IGNORECASE)
 # Capacitances that tell normalised data from ohms, in farad, of the winding (inductive at the low end) and of the insulation (capacitive
@@ -184,7 +186,8 @@ def parse_touchstone(text: str, name: str, fixture: str | None = None, band: Ban
         header["fixture"] = fixture
     else:
         impedance, read_as = _of_one_port(file, frequency, s, z0, name)
-        warnings = reflection_warnings(values) if options.parameter == "S" else ()
+        if options.parameter == "S":
+            warnings = (*reflection_warnings(values), *(() if options.style == "RI" else _maybe_radians(values)))
     first = file.transmission if through else 1
     written = [[file.rows[row][column] for row in used] for column in (first, first + 1)]
     slope = _relative_slope(values, "through" if through else options.parameter)
@@ -193,6 +196,15 @@ def parse_touchstone(text: str, name: str, fixture: str | None = None, band: Ban
         read_as += f", with the defaults of the standard: {options.unit} {options.parameter} {options.style}"
     rows = Rows(frequency, impedance, None, lambda row: f"{name}, line {file.lines[used[row]]}", changes, warnings, rounding)
     return rows, {**header, "read_as": read_as}
+
+
+def _maybe_radians(s11: ComplexArray) -> tuple[str, ...]:
+    """A sentence if all angles, read in degrees, lie within pi and come near it, as those of a motor do in radians."""
+    farthest = float(np.max(np.abs(np.angle(s11, deg=True)), initial=0.0))
+    if not _NEAR_PI <= farthest <= _PI_ROUNDED:
+        return ()
+    large = f"the angles of S11 lie within ±{farthest:.3g}, which makes |Z| large at all frequencies"
+    return (f"{large}: are they in radians? A Touchstone file has degrees",)
 
 
 def _relative_slope(values: ComplexArray, kind: str) -> FloatArray:
