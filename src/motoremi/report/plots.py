@@ -245,8 +245,12 @@ def ranking_figure(diagnosis: JsonDict) -> Figure:
     panel.set_xlim(0.8, 3 * max([*behind, 10]) ** 1.4)
     panel.set_ylim(max(len(candidates), 1) - 0.4, -0.6)
     panel.set_yticks(range(len(candidates)), [literal(str(c["effect"])) for c in candidates], fontsize=8)
-    panel.set_xlabel("1 + ΔBIC to the best: less is better; beyond the dotted line the data distinguish the two", loc="right")
-    handles = [Patch(facecolor=looks[kind][0], hatch=looks[kind][1], edgecolor="white", label=kind) for kind in looks if kind in kinds]
+    panel.set_xlabel("1 + ΔBIC to the best effect: less is better; beyond the dotted line the data distinguish the two", loc="right")
+    # The best of effects of which none is needed is not the best explanation.
+    said = {"other": "not named: nothing missing is more probable"} if diagnosis["verdict"] == "adequate" else {}
+    handles = [
+        Patch(facecolor=looks[kind][0], hatch=looks[kind][1], edgecolor="white", label=said.get(kind, kind)) for kind in looks if kind in kinds
+    ]
     arrange(figure, 1)
     figure.legend(handles=handles, loc="upper center", borderaxespad=0.2, ncols=3, fontsize=8, frameon=False)
     return figure
