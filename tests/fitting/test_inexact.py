@@ -69,16 +69,16 @@ def test_the_change_is_as_large_as_what_stays_undescribed(relaxing):
     assert pulls(0.0) == pytest.approx(pulls(1e-9))
     assert pulls(0.02) == pytest.approx(10 * pulls(0.002))
     assert np.linalg.norm(pulls(0.002)) > np.linalg.norm(pulls(0.0))
-    # The largest residual of these changes, as that of a relative change of each parameter by itself.
-    tenth = pulls(0.0) / CHANGES
+    # Of a relative change of one parameter, by finite differences, times the first of the changes along frequency.
+    of_one = pulls(0.0) / CHANGES
     steps = 1e-4
     problem, u = relaxing.weighed, relaxing.unknowns
     own = [index for index, parameter in enumerate(problem.unknowns) if parameter.name.startswith("dielectric-relaxation")]
-    assert len(tenth) == len(own) * round(2 * np.log10(30e6 / 150e3))
+    assert len(of_one) == len(own) * round(2 * np.log10(30e6 / 150e3))
     for place, index in enumerate(own):
         moved = u.copy()
         moved[index] += steps
         changed = (problem.residual(moved) - problem.residual(u)) / steps * problem.observed.weight
         along = np.log10(problem.observed.frequency_hz / 150e3) / np.log10(200)
         first = np.sqrt(2 / 5) * np.cos(np.pi * along)
-        assert tenth[5 * place] == pytest.approx(problem.pull(relaxing.linearised, changed * first), rel=1e-2, abs=1e-3 * np.abs(tenth).max())
+        assert of_one[5 * place] == pytest.approx(problem.pull(relaxing.linearised, changed * first), rel=1e-2, abs=1e-3 * np.abs(of_one).max())

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from motoremi.fitting.result import Fit
     from motoremi.model.motor import Motor
 
+# What may be inspected, in the help of two commands.
+INSPECTED = "Ra, La, Ca, Rr, Lr, Cr, Cf, or an effect of the model that is one part of the circuit (a cell, a film)."
 Value = TypeVar("Value")
 
 
@@ -237,7 +239,7 @@ def inspect_(
         typer.Option(
             "--element",
             metavar="NAME",
-            help="Ra, La, Ca, Rr, Lr, Cr, Cf, or an effect of the model that is one part of the circuit (a cell, a film).",
+            help=INSPECTED,
             show_default=False,
         ),
     ],
@@ -472,7 +474,7 @@ def plot_(
         typer.Option(
             "--element",
             metavar="NAME",
-            help="For inspection: Ra, La, Ca, Rr, Lr, Cr, Cf, or an effect of the model that is one part of the circuit (a cell, a film).",
+            help=f"For inspection: {INSPECTED}",
         ),
     ] = None,
     effect: Annotated[str | None, typer.Option("--effect", metavar="ID", help="For signature: an effect of the catalogue.")] = None,

@@ -187,7 +187,9 @@ def parse_touchstone(text: str, name: str, fixture: str | None = None, band: Ban
     else:
         impedance, read_as = _of_one_port(file, frequency, s, z0, name)
         if options.parameter == "S":
-            warnings = (*reflection_warnings(values), *(() if options.style == "RI" else _maybe_radians(values)))
+            warnings = reflection_warnings(values)
+            if options.style != "RI":
+                warnings += _maybe_radians(values)
     first = file.transmission if through else 1
     written = [[file.rows[row][column] for row in used] for column in (first, first + 1)]
     slope = _relative_slope(values, "through" if through else options.parameter)

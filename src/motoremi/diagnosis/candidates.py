@@ -101,9 +101,11 @@ class Candidate:
 
         If an error remains undescribed, the laws are approximate: their values are known as well as they describe the motor.
         """
-        described = self.fit.marginal.nothing_left >= 0.5
-        unsure = {name: self.left_share * abs(value) / UNSURE for name, value in self.fit.parameters.items()}
-        sigma: Mapping[str, float] = self.fit.exact_sigma if described else unsure
+        sigma: Mapping[str, float]
+        if self.fit.marginal.nothing_left < 0.5:
+            sigma = {name: self.left_share * abs(value) / UNSURE for name, value in self.fit.parameters.items()}
+        else:
+            sigma = self.fit.exact_sigma
         return unusual_values(self.fit.motor, own_labels(self.fit.effects, self.added), self.fit.parameters, sigma)
 
     @property

@@ -253,7 +253,7 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         families = {family[0]: " or ".join(family) for family in self.families}
-        named = "; ".join(families.get(effect, effect) for effect in self.effects)
+        named = ", ".join(families.get(effect, effect) for effect in self.effects)
         lines = [f"Diagnosis: {self.verdict}" + (f" ({named})" if named else "")]
         lines += [f"  {reason}" for reason in self.said]
         lines.append(f"  confidence {self.confidence:.2f}; next: {self.following['why']}")

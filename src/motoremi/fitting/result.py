@@ -300,9 +300,8 @@ class Fit:
     @cached_property
     def local_covariance(self) -> FloatArray:
         """That of `exact_covariance`, and of laws of effects that are not exact (`fitting.inexact`)."""
-        off = pulls_of_laws(self.weighed, self.unknowns, self.linearised, 0.01 * self.unexplained_percent["value"]) @ self._covariance_at(
-            self.sizes.declared
-        )
+        pulls = pulls_of_laws(self.weighed, self.unknowns, self.linearised, 0.01 * self.unexplained_percent["value"])
+        off = pulls @ self._covariance_at(self.sizes.declared)
         return self.exact_covariance + off.T @ off
 
     @cached_property

@@ -14,7 +14,7 @@ from motoremi.fitting.result import Fit
 from motoremi.quantities import show_band
 from motoremi.report.contents import Materials, is_result, model_name
 from motoremi.report.equipment import not_stated, overdue
-from motoremi.report.identity import imported_files, measured_items
+from motoremi.report.identity import how_many, imported_files, measured_items
 from motoremi.report.steps import being_written, planned_steps
 from motoremi.report.words import findings_of
 
@@ -88,8 +88,7 @@ def _of_the_import(session: Session) -> list[str]:
     files = imported_files(session)
     if not files:
         return []
-    how_many = f"{len(files)} files" if len(files) > 1 else "1 file"
-    found = [f"imported: the data were read from {how_many}; motoremi neither controlled the instruments nor knows their settings"]
+    found = [f"imported: the data were read from {how_many(files)}; motoremi neither controlled the instruments nor knows their settings"]
     items = measured_items(session)
     undated = list(dict.fromkeys(str(item.metadata.get("source", "-")) for item in items if not measured_on(item.metadata)))
     if undated:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from motoremi.arrays import JsonDict
 from motoremi.data.origin import measured_on
@@ -36,16 +36,16 @@ def report_facts(materials: Materials) -> tuple[tuple[str, str], ...]:
         ("Ambient", str(start.get("ambient") or "not stated")),
     ]
     if files := imported_files(session):
-        how_many = f"{len(files)} files" if len(files) > 1 else "1 file"
-        facts.append(
-            (
-                "Data",
-                f"IMPORTED on {str(start.get('time', ''))[:10]} from {how_many}; the instruments were not driven by motoremi",
-            )
-        )
+        when = str(start.get("time", ""))[:10]
+        facts.append(("Data", f"IMPORTED on {when} from {how_many(files)}; the instruments were not driven by motoremi"))
     if limit := (materials.stored("prediction") or {}).get("limit"):
         facts.append(("Limit", str(limit["title"])))
     return tuple(facts)
+
+
+def how_many(files: Sequence[str]) -> str:
+    """The number of files in words."""
+    return f"{len(files)} files" if len(files) > 1 else "1 file"
 
 
 def imported_files(session: Session) -> tuple[str, ...]:
