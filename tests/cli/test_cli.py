@@ -450,6 +450,11 @@ def test_two_named_effects_are_shown_and_added_together(tmp_path, measure):
     names = command.removeprefix(f"next: motoremi add {tmp_path / 's'} ").split()
     assert sorted(names) == ["insulation-leakage@Cf", "lead-inductance"]
     assert all(name in together for name in names)
+    shown = [
+        line.split() for line in told[told.index(next(line for line in told if line.startswith("  values of "))) + 1 :] if line.startswith("    ")
+    ]
+    assert {words[0].rpartition(".")[0] for words in shown} == set(names)
+    assert all("(1 sigma)" in " ".join(words) or "bound" in " ".join(words) or "determined" in " ".join(words) for words in shown)
     step = document(motoremi("add", tmp_path / "s", *names, "--json"))
     left = step["after"]["rms_error_percent"]
     assert f"error {left:.3g} %" in together

@@ -47,6 +47,34 @@ def test_what_is_wrong_is_told(impedance_ohm: np.ndarray, spoilt: Callable[[np.n
     assert wrong_phase(FREQUENCY_HZ, spoilt(impedance_ohm * noise)) == found
 
 
+def decibels_called_ohms(impedance_ohm: np.ndarray) -> np.ndarray:
+    return 20 * np.log10(np.abs(impedance_ohm)) * np.exp(1j * np.angle(impedance_ohm))
+
+
+def exchanged(impedance_ohm: np.ndarray) -> np.ndarray:
+    return impedance_ohm.imag + 1j * impedance_ohm.real
+
+
+@pytest.mark.parametrize(
+    "impedance_ohm", [1 / (S * 1e-10), 3 + S * 1e-5, 1e-2 * np.sqrt(S), motor_like()], ids=["capacitor", "coil", "skin", "motor"]
+)
+def test_decibels_called_ohms_are_told(impedance_ohm: np.ndarray) -> None:
+    noise = np.exp(1e-3 * np.random.default_rng(5).standard_normal(201))
+    assert wrong_phase(FREQUENCY_HZ, decibels_called_ohms(impedance_ohm * noise)) == "decibels"
+    (sentence,) = implausible(FREQUENCY_HZ, decibels_called_ohms(impedance_ohm))
+    assert "is |Z| in dBOhm, and called Ohm?" in sentence
+
+
+@pytest.mark.parametrize(
+    ("impedance_ohm", "told"), [(30 + motor_like(), True), (30 + S * 1e-5, True), (np.full(201, 50 + 0j), False)], ids=["motor", "coil", "resistor"]
+)
+def test_exchanged_columns_are_told(impedance_ohm: np.ndarray, told: bool) -> None:
+    """What would be a capacitance after the exchange could be one before it."""
+    noise = np.exp(1e-3 * np.random.default_rng(5).standard_normal(201))
+    assert (wrong_phase(FREQUENCY_HZ, exchanged(impedance_ohm * noise)) == "exchanged") == told
+    assert any("if they are exchanged" in sentence for sentence in implausible(FREQUENCY_HZ, exchanged(impedance_ohm))) == told
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-2])
 @pytest.mark.parametrize("points", [31, 201, 5001])
 def test_a_reactance_without_its_sign_is_told(points: int, noise: float) -> None:

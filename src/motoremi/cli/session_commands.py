@@ -185,6 +185,7 @@ def diagnose_(
     from motoremi.cli.emission import diagnose_spectra
     from motoremi.cli.output import emit_json, quoted, say
     from motoremi.diagnosis.belief import after_verdict
+    from motoremi.diagnosis.candidates import own_labels
     from motoremi.inspection.compare import compare
     from motoremi.model.effects.names import as_sum
     from motoremi.workflow import diagnose_session, opened
@@ -210,6 +211,11 @@ def diagnose_(
     if len(result.effects) > 1:
         say(f"  together: {as_sum(result.effects)}  {_errors(result.best)}")
     if result.effects:
+        say(f"  values of {as_sum(result.effects)} in that circuit (add shows those of all elements):")
+        labels = own_labels(result.best.effects, result.effects)
+        for name, value, bar in result.best.rows():
+            if name.rpartition(".")[0] in labels:
+                say(f"    {name:34s} {value:>14s}  {bar}")
         say(f"next: motoremi add {quoted(path)} {' '.join(result.effects)}")
 
 

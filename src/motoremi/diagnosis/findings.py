@@ -318,7 +318,7 @@ def wrong_phase_in(measurement: Measurement) -> Finding | None:
                 f"{sweep.termination} sweep: {SENTENCES[found]}",
                 "export R and X, or |Z| and its phase, and import the sweeps again"
                 if found == "no phase"
-                else "correct the sign or the unit of the reactance or phase in the file, and import it again",
+                else "correct the sign, the unit or the title of the column in the file, and import it again",
                 True,
                 sweep.termination,
                 _span(sweep.frequency_hz),
