@@ -34,8 +34,8 @@ FALLING, OF_SPAN, CLEARLY, GROUPS = -0.3, 0.1, 0.3, 80
 # its points has one, or if all are below 0.
 LEAST_RESISTANCE, OF_POINTS = -0.1, 0.01
 # The phase averages the slope, so that it is no larger: at most 1.0003 for each unit of slope in 115 simulated sweeps of motors, more than the
-# first number in 109 of them if |Z| is in decibels. |Z| is taken to be that if it would be possible as such too (at most so many decibels, and figures
-# such as those of real parts): none of 49000 random passive parts with a slope of at least the last number is taken for such a one.
+# first number in 109 of them if |Z| is in decibels. |Z| is taken to be that if it would be possible as such too (at most so many decibels, and
+# figures such as those of real parts): none of 49000 random passive parts with a slope of at least the last number is taken for such a one.
 MOST_PHASE, MOST_DECIBELS, REAL_PHASE, REALLY_ALIKE, LEAST_OF_DECIBELS = 1.15, 140.0, (0.7, 1.05), 0.7, 0.1
 # Exchanged R and X have such figures after another exchange, and more than a few points at which the phase is then less than this: a coil whose
 # phase is in radians, or is missing, has almost the same slope and phase.
