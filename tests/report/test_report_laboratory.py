@@ -14,6 +14,7 @@ from datetime import date
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pypdfium2
 import pytest
 from command_line import motoremi
@@ -363,3 +364,19 @@ def test_a_logo_stands_at_the_margin(session, tmp_path):
     # The line under the page's head goes from margin to margin.
     assert len(images) == 1
     assert images[0][2] == pytest.approx(max(right for _, _, right, _ in lines), abs=1.0)
+
+
+def test_the_first_page_says_on_what_share_of_the_span_the_verdict_is(tmp_path):
+    whole = 150e3 + 4.5e3 * np.arange(6634)
+    for name, axis_hz, said in (
+        ("part", whole[(whole >= 1e6) & (whole <= 2e6)], "PASS (measured levels, on 3.4 % of the limit's span)"),
+        ("all", whole, "PASS (measured levels)"),
+    ):
+        quasi_peak, average = (
+            me.Spectrum("quasi-peak", axis_hz, np.full(axis_hz.size, 40.0)),
+            me.Spectrum("average", whole, np.full(whole.size, 30.0)),
+        )
+        with opened(measured_session(tmp_path / name, [], [quasi_peak, average])) as store:
+            predict_session(store, limit="cispr32-b")
+        (box,) = boxes(Materials(load(tmp_path / name), (), None, None))
+        assert box.verdict[1] == said

@@ -176,6 +176,19 @@ def test_an_element_has_a_gap_where_it_is_not_known_and_its_axis_holds_the_model
         assert axes.get_ylim()[0] < value < axes.get_ylim()[1]
 
 
+@pytest.mark.parametrize(("farthest", "marks"), [(6.0, 0), (60.0, 1)])
+def test_the_axis_of_an_element_holds_its_uncertainty_and_a_mark_for_what_it_cuts(farthest: float, marks: int) -> None:
+    f = np.geomspace(150e3, 30e6, 31)
+    needed, sigma = np.linspace(4.5, 5.5, 31).astype(np.complex128), np.full(31, 0.05)
+    needed[7], sigma[7] = farthest, 0.4
+    top = inspection_figure(Inspection("Rr", "Ohm", (), [ElementCurve("open", f, needed, sigma, np.full(31, 5.0 + 0j))], {})).axes[0]
+    low, high = top.get_ylim()
+    assert low < 4.5 * 0.9
+    assert 5.5 < high < 12
+    assert (farthest < high) == (marks == 0)
+    assert [line.get_xydata().tolist() for line in top.lines if line.get_marker() == "^"] == [[[f[7], high]]] * marks
+
+
 @pytest.mark.parametrize("second", [0.3, 0.6, 1.0])
 def test_labels_of_resonances_stand_at_their_own_marks(second: float) -> None:
     """Two peaks 10 % apart and the dip between them: a reader takes a label for that of the nearest mark."""

@@ -197,8 +197,8 @@ def _residuals(fit: Fit) -> Table:
         sigma = known[name].sigma
         if sigma and abs(value) > BELIEVABLE_SIGMAS * sigma:
             marked.add(index)
-        # The conductance has no unit: it is fitted in multiples of its specification.
-        written = "-" if known[name].unit == "1" else show(value, known[name].unit, 2)
+        # The conductance is fitted in multiples of its specification, which depends on frequency.
+        written = f"{value:.2g} times its specification" if known[name].unit == "1" else show(value, known[name].unit, 2)
         rows.append((name, written, f"{value / sigma:+.2g}" if sigma else "-"))
     return Table(
         "Estimated residuals of the fixture's compensation",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from motoremi.arrays import JsonDict
@@ -132,9 +132,24 @@ def _emission(materials: Materials) -> Box:
     lines += [("Note", str(reason), "plain") for reason in prediction.get("reasons", ())[:1]]
     if diagnosis is not None:
         lines.append(("Diagnosis of the spectra", _emission_cause(diagnosis), "plain"))
-    verdict = f"{str(prediction['verdict']).upper()} ({prediction['judged_what']} levels)"
+    share = _measured_share(prediction)
+    of_part = f", on {percent(100 * share, 2)} of the limit's span" if measured and share < 1 else ""
+    verdict = f"{str(prediction['verdict']).upper()} ({prediction['judged_what']} levels{of_part})"
     doubt = "" if is_confirmed(prediction["limit"]) else " (values not confirmed)"
     return Box("Conducted emission", tuple(lines), (f"Emission against {prediction['limit']['title']}{doubt}", verdict, mood))
+
+
+def _measured_share(prediction: JsonDict) -> float:
+    """The share of the limit's span in which levels were measured, of that line and place in which least of it was."""
+    limited = {line["detector"]: _width(segment[:2] for segment in line["segments"]) for line in prediction["limit"]["lines"]}
+    gaps: dict[tuple[str, str, str], list[Sequence[float]]] = {}
+    for gap in prediction.get("not_measured", ()):
+        gaps.setdefault((gap["detector"], gap["conductor"], gap["operating"]), []).append(gap["band_hz"])
+    return min((1 - _width(spans) / limited[detector] for (detector, *_), spans in gaps.items()), default=1.0)
+
+
+def _width(bands_hz: Iterable[Sequence[float]]) -> float:
+    return sum(high - low for low, high in bands_hz)
 
 
 def _levels(judged: JsonDict) -> str:

@@ -61,7 +61,7 @@ def _draw(inspection: Inspection, curve: ElementCurve, top: Axes, bottom: Axes) 
         axes.fill_between(f, needed - width, needed + width, color=ORANGE, alpha=0.35, linewidth=0, label="expanded uncertainty (k = 2)")
         axes.plot(f, needed, color=BLACK, linewidth=1.2, label="what it would have to be")
         axes.plot(f, has, "--", color=VERMILION, linewidth=1.2, label="the model's")
-        _limit(axes, needed, width, has)
+        _limit(axes, f, needed, width, has)
     tried = inspection.laws.get(curve.termination)
     if tried and known.any():
         law = tried[0].value(f[known])
@@ -69,12 +69,24 @@ def _draw(inspection: Inspection, curve: ElementCurve, top: Axes, bottom: Axes) 
         bottom.plot(f[known], -law.imag / law.real if lossy else law.imag, ":", color=BLUE, linewidth=1.6)
 
 
-def _limit(axes: Axes, needed: np.ndarray, width: np.ndarray, has: np.ndarray) -> None:
-    """Limit the axis to the best-known points and the model there; the uncertainty band may extend beyond it."""
-    good = np.isfinite(needed) & (width < np.nanquantile(width, 0.8) + 1e-300)
-    if not good.any():
+def _limit(axes: Axes, frequency_hz: np.ndarray, needed: np.ndarray, width: np.ndarray, has: np.ndarray) -> None:
+    """Limit the axis to what the element would have to be, the model, and the uncertainty of the better-known half of the points.
+
+    Where the worst-known fifth of the points would leave the others less than a third of the axis, it is cut there, with a mark for each point.
+    """
+    finite = np.isfinite(needed)
+    if not finite.any():
         return
-    shown = np.concatenate([needed[good], has[good]])
-    low, high = float(shown.min()), float(shown.max())
-    margin = 0.15 * (high - low) + 0.01 * max(abs(low), abs(high))
-    axes.set_ylim(low - margin, high + margin)
+    good = finite & (width <= np.nanquantile(width, 0.8))
+    better = finite & (width <= np.nanmedian(width))
+    edges = np.concatenate([needed[better] - width[better], needed[better] + width[better], needed[good], has[good]])
+    low, high = float(edges.min()), float(edges.max())
+    least, most = min(low, float(needed[finite].min())), max(high, float(needed[finite].max()))
+    if most - least <= 3 * (high - low):
+        low, high = least, most
+    margin = 0.08 * (high - low) + 0.01 * max(abs(low), abs(high))
+    low, high = low - margin, high + margin
+    axes.set_ylim(low, high)
+    for beyond, edge, mark in ((needed > high, high, "^"), (needed < low, low, "v")):
+        if beyond.any():
+            axes.plot(frequency_hz[beyond], np.full(np.count_nonzero(beyond), edge), mark, color=BLACK, markersize=4, clip_on=False)
