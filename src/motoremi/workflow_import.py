@@ -16,6 +16,7 @@ from motoremi.data.conditions import Condition, SingleValue
 from motoremi.data.corrections import NO_CORRECTIONS, Corrections
 from motoremi.data.declaration import COMPENSATED, refuse_impossible
 from motoremi.data.import_notes import import_notes
+from motoremi.data.loose_contact import TO_FASTEN, loose_contact
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import label_remarks
 from motoremi.data.repeats import UNLIKE
@@ -380,12 +381,14 @@ def _unlike_stored(stored: Measurement, new: Sequence[ImpedanceSweep]) -> list[s
 
 
 def _unlike_repeats(sweeps: Sequence[ImpedanceSweep], left_out: Collection[str]) -> list[str]:
-    """A sentence for each repeat, but those that are left out, that is not like the others of its termination.
+    """A sentence for each repeat, but those that are left out, that is not like the others of its termination, and for each loose contact.
 
     As measured: in a `Measurement` leads that moved are in their average position, and they may take over any difference of R and L.
     """
     found = []
     for sweep in group_repeats(sweeps):
+        if (contact := loose_contact(sweep)) is not None:
+            found.append(f"{contact}; {TO_FASTEN}")
         ohm = sweep.impedance_ohm
         # Of two neither is known to be the wrong one.
         typical = ohm[0] if sweep.repeats == 2 else np.median(ohm.real, axis=0) + 1j * np.median(ohm.imag, axis=0)

@@ -8,6 +8,7 @@ import numpy as np
 
 from motoremi.arrays import BoolArray, FloatArray, JsonDict
 from motoremi.data.analyser import Analyser
+from motoremi.data.loose_contact import TO_FASTEN, loose_contact
 from motoremi.data.measurement import Measurement
 from motoremi.data.mislabelled import EXCHANGED, exchanged, measured_twice
 from motoremi.data.moved import student_factor
@@ -327,8 +328,10 @@ def wrong_phase_in(measurement: Measurement) -> Finding | None:
 
 
 def repeats_disagree_in(measurement: Measurement) -> Finding | None:
-    """The finding that repeats of one sweep differ by far more than one motor and its leads change."""
+    """The finding that repeats of one sweep differ by far more than one motor and its leads change, or over stretches by a loose contact."""
     for sweep, noise in zip(measurement.sweeps, measurement.noise, strict=True):
+        if (contact := loose_contact(sweep)) is not None:
+            return Finding("sweeps-disagree", contact, TO_FASTEN, True, sweep.termination, _span(sweep.frequency_hz))
         apart = repeats_apart(sweep, noise)
         if apart > UNLIKE:
             return Finding(
