@@ -34,3 +34,5 @@ SURE_GAIN = 3.0
 # `BEYOND_SIGMA` of a network analyser: four times the specification, the largest errors that the prior of a named analyser allows. Three pairs of
 # effects that needed larger ones (20, 22 and 100 standard deviations; two independent generators and a hard board) were all wrong.
 BEYOND_SIGMA_OF_NETWORK = 12.0
+# Number of error bars beyond which an element's value contradicts them: one in 370 by chance, and one of seven elements in 53.
+MOVED_SIGMA = 3.0
