@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from motoremi.arrays import Progress
 from motoremi.diagnosis.belief import FAMILY_TOGETHER, MOST_ERRING_PERCENT, believe
 from motoremi.diagnosis.candidates import Candidate, candidate
-from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
+from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of, ranked
 from motoremi.diagnosis.judgement import COMMONEST_FIRST, Judgement, accurate, leaves_an_error, needs
 from motoremi.diagnosis.motor_board import MotorBoard
 from motoremi.diagnosis.needed import as_asked_for, is_assumed
@@ -37,12 +37,31 @@ def judge(
     # For a circuit within the stated accuracy, effects are shown and none is named.
     spent = ONE_EFFECT if accurate(base) else budget
     board = MotorBoard(base, each, FURTHER if spent.most_effects > 1 else 0)
-    found = explore(board, board.start(), spent, progress, further)
+    found = _searched_anew(board, explore(board, board.start(), spent, progress, further))
     best = best_of(found.values())
     if base.measurement.terminations == ("short",) and len(best.added) == 1 and (accurate(base) or _is_nearly_ordinary(base, best)):
         # One sweep of a winding alone, of which hardly more than copper and insulation may be left.
         found = {**{key_of(one): one for one in board.every_winding()}, **found}
     return decided(base, _integrated(base, found, each))
+
+
+def _searched_anew(board: MotorBoard, found: Mapping[Key, Candidate]) -> dict[Key, Candidate]:
+    """The same models; if the best one describes everything with unusual values only, those near it are searched again.
+
+    Values beyond their range are often those of a wrong minimum. Each effect of such a set starts anew beside the others: a choke at the brushes
+    behind a capacitor to the frame, with its share and its corner at their lower bounds, was behind a coupling with unusual values by e^35, and
+    ahead of it with usual ones.
+    """
+    best = best_of(found.values())
+    if not best.added or not best.done or best.ordinary:
+        return dict(found)
+    anew = dict(found)
+    near = [one for one in ranked(found, len(best.added)) if not one.ordinary and one.score > best.score - CLEAR_GAIN]
+    for one in near[:FURTHER]:
+        for effect in dict.fromkeys(one.added):
+            for again in board.swapped(anew[key_of(one)], effect, effect):
+                anew[key_of(again)] = best_of([again, anew[key_of(one)]])
+    return anew
 
 
 def _is_nearly_ordinary(base: Fit, best: Candidate) -> bool:

@@ -31,6 +31,7 @@ from motoremi.fitting.search import (
     arrived_on_all,
     climb,
     misses_by_far,
+    other_frames,
     relative_solution,
 )
 from motoremi.fitting.trail import trail_to, trail_without
@@ -204,7 +205,14 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
                     if better_than(best, other):
                         best = other
                         break
-    return best
+    if not NOTHING_LEFT < best.sizes.discrepancy < PLAIN:
+        return best
+    starts = other_frames(best.task, {**best.parameters, **best.nuisance})
+    if not starts:
+        return best
+    whole = arrived_on_all(best.task, starts, wanders=not described)
+    other = summarise(best.task, Found(whole, before.history, search_values(best.task, whole)), before.method, before.seed)
+    return other if better_than(best, other) else best
 
 
 def better_than(fitted: Fit, found: Fit) -> bool:
