@@ -211,6 +211,19 @@ def test_a_step_that_is_slight_within_the_specification_is_not_named():
     assert decided(large[()].fit, large).named == STEP  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("gain", "cf_pf", "named"), [(100.0, 180.0, True), (100.0, 262.0, False), (40.0, 180.0, False)])
+def test_an_error_that_the_specification_allows_is_named_if_an_element_is_wrong_without_it(gain, cf_pf, named):
+    """A cable of 12 cm beyond the calibration of a network analyser; the error bar of Cf is 7 pF."""
+    delay = model(("cable-delay",), gain, 0.6, 0.0)
+    delay.leaves_nothing, delay.fit.parameters = True, {"Cf": 1e-12 * cf_pf}
+    found = of(model((), 0.0, 2.6, 0.16), delay)
+    base = found[()].fit
+    base.parameters, base.sigma, base.determined, base.floor_percent = {"Cf": 272e-12}, {"Cf": 7e-12}, lambda name: True, 18.0
+    base.measurement.analyser.named = base.measurement.analyser.by_waves = True
+    judgement = Judgement(base, found, believe(found))  # type: ignore[arg-type]
+    assert judgement.named == (("cable-delay",) if named else ())
+
+
 def test_beside_an_effect_that_leaves_no_more_than_the_specification_a_step_is_not_named():
     loss = ("dielectric-loss@Cf",)
     found = of(model((), 0.0, 1.7, 0.7), model(loss, 300.0, 0.16, 0.16), model(STEP, 1.0, 1.7, 0.7), model((*loss, *STEP), 480.0, 0.16, 0.03))

@@ -17,7 +17,7 @@ from paper_circuit import DAMPED, impedance
 
 import motoremi as me
 from motoremi.blind.departures import HardCase
-from motoremi.diagnosis import motor_board
+from motoremi.diagnosis import decision, motor_board
 from motoremi.diagnosis.belief import FAMILY_SHARE, FAMILY_TOGETHER, LEAST_DOUBT, believe
 from motoremi.diagnosis.candidates import candidate
 from motoremi.diagnosis.explore import Budget, Key, best_of, explore, key_of
@@ -111,6 +111,35 @@ def test_larger_sets_are_compared_only_if_they_are_asked_for(further):
     found = explore(made, made.model(()), BUDGET, further=lambda best: asked.append(best.added) or further)
     assert asked == [("a",)]
     assert key_of(best_of(found.values())) == (("a", "b") if further else ("a",))
+
+
+@pytest.mark.parametrize(("best_is_ordinary", "done"), [(False, True), (True, True), (False, False)])
+def test_sets_with_unusual_values_are_searched_anew_where_only_unusual_values_describe_everything(best_is_ordinary, done):
+    """A choke behind a capacitor in a wrong minimum: with new start values of its own effect it is ahead, with usual values."""
+
+    def one(added: Key, score: float, ordinary: bool) -> SimpleNamespace:
+        return SimpleNamespace(added=added, score=score, ordinary=ordinary, done=done)
+
+    calls = []
+
+    class Anew:
+        def swapped(self, model: SimpleNamespace, effect: str, only: str) -> list[SimpleNamespace]:
+            calls.append((model.added, effect, only))
+            return [one(model.added, 103.0, True)] if effect == "choke" else [one(model.added, model.score - 500, False)]
+
+    right, far, usual = ("capacitor", "choke"), ("choke", "leak"), ("coupling", "leak")
+    found = of_sets([one((), 0.0, True), one(("cable", "coupling"), 100.0, best_is_ordinary), one(right, 65.0, False), one(far, 20.0, False)])
+    found[usual] = one(usual, 90.0, True)
+    anew = decision.searched_anew(Anew(), found)
+    searched = not best_is_ordinary and done
+    assert {added for added, *_ in calls} == ({("cable", "coupling"), right} if searched else set())
+    assert all(effect == only for _, effect, only in calls)
+    assert best_of(anew.values()).added == (right if searched else ("cable", "coupling"))
+    assert (anew[right].score, anew[far].score, anew[usual].score) == (103.0 if searched else 65.0, 20.0, 90.0)
+
+
+def of_sets(models: Iterable[SimpleNamespace]) -> dict[Key, SimpleNamespace]:
+    return {key_of(one): one for one in models}
 
 
 def test_larger_sets_are_not_asked_for_if_one_effect_describes_everything():

@@ -37,7 +37,7 @@ def judge(
     # For a circuit within the stated accuracy, effects are shown and none is named.
     spent = ONE_EFFECT if accurate(base) else budget
     board = MotorBoard(base, each, FURTHER if spent.most_effects > 1 else 0)
-    found = _searched_anew(board, explore(board, board.start(), spent, progress, further))
+    found = searched_anew(board, explore(board, board.start(), spent, progress, further))
     best = best_of(found.values())
     if base.measurement.terminations == ("short",) and len(best.added) == 1 and (accurate(base) or _is_nearly_ordinary(base, best)):
         # One sweep of a winding alone, of which hardly more than copper and insulation may be left.
@@ -45,7 +45,7 @@ def judge(
     return decided(base, _integrated(base, found, each))
 
 
-def _searched_anew(board: MotorBoard, found: Mapping[Key, Candidate]) -> dict[Key, Candidate]:
+def searched_anew(board: MotorBoard, found: Mapping[Key, Candidate]) -> dict[Key, Candidate]:
     """The same models; if the best one describes everything with unusual values only, those near it are searched again.
 
     Values beyond their range are often those of a wrong minimum. Each effect of such a set starts anew beside the others: a choke at the brushes

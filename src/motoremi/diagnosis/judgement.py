@@ -125,12 +125,14 @@ class Judgement:
     def _moves_an_element(self) -> bool:
         """Whether the most probable model clearly describes everything, and the base's error bars do not hold an element's value with it.
 
-        The base's elements are then wrong by more than is said of them: behind a cable of 12 cm beyond a network analyser's calibration Cf was 272 pF
-        instead of 180 pF, with an error bar of 7 pF.
+        The base's elements are then wrong by more than is said of them: behind a cable of 12 cm beyond the calibration of a network analyser Cf was
+        272 pF instead of 180 pF, with an error bar of 7 pF.
         """
-        fit, base = self.best.fit, self.base
-        moved = (abs(fit.parameters[name] - value) / base.sigma[name] for name, value in base.parameters.items() if base.determined(name))
-        return self.gain > CLEAR_GAIN and self.best.leaves_nothing and max(moved, default=0.0) > MOVED_SIGMA
+        if self.gain <= CLEAR_GAIN or not self.best.leaves_nothing:
+            return False
+        base, values = self.base, self.best.fit.parameters
+        known = [name for name in base.parameters if base.determined(name)]
+        return any(abs(values[name] - base.parameters[name]) > MOVED_SIGMA * base.sigma[name] for name in known)
 
     @property
     def _describes(self) -> bool:
