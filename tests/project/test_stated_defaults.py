@@ -20,12 +20,12 @@ from typer.testing import CliRunner
 
 import motoremi as me
 from motoremi.cli.app import app
-from motoremi.data import coarse, measurement, mislabelled, plausible
+from motoremi.data import coarse, loose_contact, measurement, mislabelled, plausible
 from motoremi.data import rows as file_rows
 from motoremi.data.analyser import DECLARED, find_analyser
 from motoremi.data.csvfiles import impedance_csv
 from motoremi.data.laboratory import laboratory_of
-from motoremi.diagnosis import belief, candidates, declared, findings, informed, judgement
+from motoremi.diagnosis import belief, candidates, decision, declared, findings, informed, judgement, thresholds
 from motoremi.diagnosis.belief import Verdict
 from motoremi.emission import spectrum_problem
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB
@@ -346,6 +346,10 @@ def test_numbers_of_the_pages_on_evidence_are_those_of_the_code():
         (files, f"above {file_rows.REFLECTS_TOO_MUCH:g} at more than"),
         (files, f"below {1e3 * plausible.LEAST_OHM:g} mOhm or above {plausible.MOST_OHM / 1e6:g} MOhm"),
         (files, f"less than {100 * plausible.LEAST_PHASE:g} % of what the slope"),
+        (files, f"differ at more than {100 * loose_contact.TOO_MANY:g} % of the points by the same resistance"),
+        (details, f"more than {plausible.MOST_PHASE:g} times what the slope requires"),
+        (details, f"up to {('no', 'one', 'two', 'three', 'four')[decision.FURTHER]} sets of its size within odds of e^{thresholds.CLEAR_GAIN:g}"),
+        (evidence, f"an element's value with it is more than {thresholds.MOVED_SIGMA:g} error bars away"),
         (details, f"correlated by less than {-plausible.ALIKE:g} "),
         (details, f"less than {100 * plausible.LEAST_PHASE:g} % of what the slope requires"),
         (details, f"changes by more than {100 * plausible.LEAST_CHANGE:g} % (rms of its logarithm)"),

@@ -13,6 +13,7 @@ from motoremi.diagnosis.explore import Key, best_of
 from motoremi.diagnosis.findings import hardly_seen, shows_nothing
 from motoremi.diagnosis.judgement import Judgement, distributed
 from motoremi.diagnosis.machine_modes import machine_in_words
+from motoremi.diagnosis.needed import is_within
 from motoremi.fitting.result import Fit
 from motoremi.fitting.search import BEYOND_SIGMA
 from motoremi.fitting.seen_by import MODES
@@ -96,7 +97,9 @@ def reasons_for(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     said += _several_terms(named)
     said += as_a_cable(named, best)
     if verdict == "instrument":
-        cause = _OF_THE_SETUP.get("".join(named), "the analyser or its fixture is beyond its specification")
+        allowed = f"the analyser's specification allows this error, but without {as_sum(named)} the elements are wrong"
+        of_analyser = allowed if is_within(base) else "the analyser or its fixture is beyond its specification"
+        cause = _OF_THE_SETUP.get("".join(named), of_analyser)
         said.append(f"{cause}; the motor's circuit needs nothing")
     if len(named) == 1 and (imitation := find_effect(named[0]).imitated_by):
         same = "which is not in the catalogue, has nearly the same impedance: these sweeps do not distinguish it from"
