@@ -60,7 +60,8 @@ def searched_anew(board: MotorBoard, found: Mapping[Key, Candidate]) -> dict[Key
     for one in near[:FURTHER]:
         for effect in dict.fromkeys(one.added):
             for again in board.swapped(anew[key_of(one)], effect, effect):
-                anew[key_of(again)] = best_of([again, anew[key_of(one)]])
+                key = key_of(again)
+                anew[key] = best_of([again, anew.get(key, again)])
     return anew
 
 
