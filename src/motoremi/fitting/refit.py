@@ -212,7 +212,9 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
         return best
     whole = arrived_on_all(best.task, starts, wanders=not described)
     other = summarise(best.task, Found(whole, before.history, search_values(best.task, whole)), before.method, before.seed)
-    return other if better_than(best, other) else best
+    # Along a flat valley a search that has not converged is no better one.
+    clearly = other.converged and other.log_evidence > best.log_evidence + 2 * AS_PROBABLE
+    return other if clearly and better_than(best, other) else best
 
 
 def better_than(fitted: Fit, found: Fit) -> bool:
