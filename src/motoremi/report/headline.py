@@ -141,11 +141,13 @@ def _emission(materials: Materials) -> Box:
 
 def _measured_share(prediction: JsonDict) -> float:
     """The share of the limit's span in which levels were measured, of that line and place in which least of it was."""
-    limited = {line["detector"]: _width(segment[:2] for segment in line["segments"]) for line in prediction["limit"]["lines"]}
     gaps: dict[tuple[str, str, str], list[Sequence[float]]] = {}
     for gap in prediction.get("not_measured", ()):
         gaps.setdefault((gap["detector"], gap["conductor"], gap["operating"]), []).append(gap["band_hz"])
-    return min((1 - _width(spans) / limited[detector] for (detector, *_), spans in gaps.items()), default=1.0)
+    if not gaps:
+        return 1.0
+    limited = {line["detector"]: _width(segment[:2] for segment in line["segments"]) for line in prediction["limit"]["lines"]}
+    return min(1 - _width(spans) / limited[detector] for (detector, *_), spans in gaps.items())
 
 
 def _width(bands_hz: Iterable[Sequence[float]]) -> float:
