@@ -1,4 +1,4 @@
-"""Common types: arrays of double precision, plain data, mappings that cannot be changed, and progress functions."""
+"""Common types: arrays of double precision, plain data, mappings that cannot be changed, and progress functions; runs of marked points."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ Progress: TypeAlias = Callable[[str, int, int], None]
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
+
+
+def runs(marked: BoolArray) -> list[slice]:
+    """The runs of neighbouring marked points of an array of shape (n,), in their order."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
+    return [slice(first, end) for first, end in edges.reshape(-1, 2).tolist()]
 
 
 class ReadOnlyArrays:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motoremi.arrays import ComplexArray
+from motoremi.arrays import BoolArray, ComplexArray, runs
 from motoremi.data.repeats import UNLIKE
 from motoremi.data.sweep import RepeatedSweep
 from motoremi.quantities import show
@@ -46,15 +46,15 @@ def loose_contact(sweep: RepeatedSweep) -> str | None:
     )
 
 
-def _stretches(added: ComplexArray, possible: np.ndarray) -> list[slice]:
+def _stretches(added: ComplexArray, possible: BoolArray) -> list[slice]:
     """Stretches of neighbouring points with one resistance, which begin and end abruptly; not one over all points."""
     change = np.abs(np.diff(added))
     same = possible[1:] & possible[:-1] & (change <= ALIKE * np.abs(added[:-1]))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
     found = []
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        inner = [at for at in (first - 1, last) if 0 <= at < change.size]
-        abrupt = all(change[at] > ABRUPT * np.abs(added[first]) for at in inner)
-        if inner and abrupt and last + 1 - first >= LEAST_POINTS:
-            found.append(slice(int(first), int(last) + 1))
+    for run in runs(same):
+        stretch = slice(run.start, run.stop + 1)
+        ends = [at for at in (run.start - 1, run.stop) if 0 <= at < change.size]
+        abrupt = all(change[at] > ABRUPT * np.abs(added[stretch.start]) for at in ends)
+        if ends and abrupt and stretch.stop - stretch.start >= LEAST_POINTS:
+            found.append(stretch)
     return found

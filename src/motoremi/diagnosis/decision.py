@@ -22,7 +22,8 @@ from motoremi.workers import Map
 BUDGET = Budget()
 # A search for one effect.
 ONE_EFFECT = Budget(swaps=(0,))
-# Number of further sets of one size that are refitted on all points if none describes everything, as alternatives for the decision.
+# Number of further sets of one size that are refitted on all points if none describes everything, as alternatives for the decision;
+# and of sets with unusual values that are searched anew, which takes a second for each of their effects.
 FURTHER = 4
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motoremi.arrays import BoolArray, ComplexArray, FloatArray
+from motoremi.arrays import BoolArray, ComplexArray, FloatArray, runs
 from motoremi.data.coarse import points_in_bins
 from motoremi.data.spikes import MOST
 from motoremi.data.sweep import RepeatedSweep
@@ -57,5 +57,4 @@ def _farthest(directions: ComplexArray, weighted: ComplexArray) -> BoolArray:
 
 
 def _longest_run(points: BoolArray) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], points.astype(np.int8), [0]])))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
+    return max((run.stop - run.start for run in runs(points)), default=0)

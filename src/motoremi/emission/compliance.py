@@ -178,13 +178,13 @@ def _on_line(
     said = [f"{worst.detector}: {worst.why}"] if worst is not None and worst.verdict != "pass" else []
     said += [left] if left and (worst is None or worst.verdict is not None) else []
     if missing:
-        share = percent(100 * _width(measured) / _width(limited), 2)
+        share = percent(100 * width_hz(measured) / width_hz(limited), 2)
         said.append(f"{line.detector}: not measured at {_listed(missing)}; the verdict is on the rest, {share} of the limit's span")
     return _OnLine(verdict, "; ".join(said), tuple(missing))
 
 
-def _width(spans: Sequence[Span]) -> float:
-    """Of all spans together, in hertz."""
+def width_hz(spans: Iterable[Sequence[float]]) -> float:
+    """The width of spans (low, high) in hertz, all together."""
     return sum(high - low for low, high in spans)
 
 

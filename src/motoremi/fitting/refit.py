@@ -187,9 +187,11 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
     # Of a network analyser a fixture may be most of what was measured.
     described = before.measurement.analyser.by_waves and before.marginal.nothing_left >= 0.5 and before.analyser_sigma <= BEYOND_SIGMA
 
-    def arrived(task: Task, values: Mapping[str, float]) -> Fit:
-        whole = arrived_on_all(task, [values], solution.sizes, solution.searched, wanders=not described)
+    def fitted(task: Task, whole: Solution) -> Fit:
         return summarise(task, Found(whole, before.history, search_values(task, whole)), before.method, before.seed)
+
+    def arrived(task: Task, values: Mapping[str, float]) -> Fit:
+        return fitted(task, arrived_on_all(task, [values], solution.sizes, solution.searched, wanders=not described))
 
     best = arrived(trail.task, solution.values)
     if best.rms_error_percent > before.rms_error_percent and misses_by_far(best.sizes):
@@ -210,8 +212,7 @@ def on_all_points(job: tuple[Trail, Solution, Fit]) -> Fit:
     starts = other_frames(best.task, {**best.parameters, **best.nuisance})
     if not starts:
         return best
-    whole = arrived_on_all(best.task, starts, wanders=not described)
-    other = summarise(best.task, Found(whole, before.history, search_values(best.task, whole)), before.method, before.seed)
+    other = fitted(best.task, arrived_on_all(best.task, starts, wanders=not described))
     # Along a flat valley a search that has not converged is no better one.
     clearly = other.converged and other.log_evidence > best.log_evidence + 2 * AS_PROBABLE
     return other if clearly and better_than(best, other) else best

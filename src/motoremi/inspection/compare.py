@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import binom
 
-from motoremi.arrays import BoolArray, FloatArray, FrozenDict, JsonDict
+from motoremi.arrays import BoolArray, FloatArray, FrozenDict, JsonDict, runs
 from motoremi.drawing import figure_of
 from motoremi.errors import BadInput
 from motoremi.fitting.result import Fit
@@ -266,8 +266,7 @@ def _band(sweep: str, curve: Curve, low: float, high: float) -> JsonDict:
 
 def spans_of(frequency_hz: FloatArray, marked: BoolArray) -> list[list[float]]:
     """Contiguous spans of marked points."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
-    return [[float(frequency_hz[a]), float(frequency_hz[b - 1])] for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [[float(frequency_hz[run.start]), float(frequency_hz[run.stop - 1])] for run in runs(marked)]
 
 
 def _where(curves: dict[str, Curve], most: int = 4) -> Sequence[JsonDict]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from motoremi.arrays import JsonDict
+from motoremi.emission.compliance import width_hz
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison, compare
 from motoremi.model.effects.names import as_sum
@@ -146,12 +147,8 @@ def _measured_share(prediction: JsonDict) -> float:
         gaps.setdefault((gap["detector"], gap["conductor"], gap["operating"]), []).append(gap["band_hz"])
     if not gaps:
         return 1.0
-    limited = {line["detector"]: _width(segment[:2] for segment in line["segments"]) for line in prediction["limit"]["lines"]}
-    return min(1 - _width(spans) / limited[detector] for (detector, *_), spans in gaps.items())
-
-
-def _width(bands_hz: Iterable[Sequence[float]]) -> float:
-    return sum(high - low for low, high in bands_hz)
+    limited = {line["detector"]: width_hz(segment[:2] for segment in line["segments"]) for line in prediction["limit"]["lines"]}
+    return min(1 - width_hz(spans) / limited[detector] for (detector, *_), spans in gaps.items())
 
 
 def _levels(judged: JsonDict) -> str:
