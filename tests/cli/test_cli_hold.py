@@ -101,6 +101,7 @@ def changed(file: Path) -> Path:
         (("--hold", "Cf=130pF", "--hold", "Cf=120pF"), "--hold is given twice for Cf"),
         (("--bound", "La=1uH:2uH:3uH"), "cannot read the bound 'La=1uH:2uH:3uH'"),
         (("--bound", "Cf=120:140"), "the bounds of Cf, 120 - 140 F, are outside of what motors have"),
+        (("--bound", "La=1:100"), "the bounds of La, 1 - 100 H, are outside of what motors have: 1 nH - 1 H"),
         (("--bound", "Cf=120F:140F"), "the bounds of Cf, 120 - 140 F, are outside of what motors have"),
         (("--bound", "La=1uH:2uH", "--bound", "La=1uH:3uH"), "--bound is given twice for La"),
         (("--hold", "La=2uH", "--bound", "La=1uH:3uH"), "La is held and has bounds: leave out one of them"),

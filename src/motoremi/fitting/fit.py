@@ -138,7 +138,8 @@ def _check_possible(limits: Mapping[str, tuple[float, float]], held: Mapping[str
         if p.name in held:
             raise BadInput(f"{p.name} is held and has bounds: leave out one of them")
         low, high = limits[p.name]
-        if high < p.low or low > p.high:
+        # A range that only touches leaves one value: 1 to 100 H for La was meant to be in microhenries.
+        if high <= p.low or low >= p.high:
             raise BadInput(f"the bounds of {p.name}, {low:g} - {high:g} {p.unit}, are outside of what motors have: {_range(p)}")
 
 
