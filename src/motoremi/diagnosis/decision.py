@@ -158,6 +158,9 @@ def _decided(base: Fit, found: Mapping[Key, Candidate], together: float, proven:
     if len(judgement.best.added) > 2 and not judgement.accepted:
         # Three effects that are not accepted say nothing about two.
         judgement = _believed(base, _without_threes(found), together, proven)
+    if judgement.accurate:
+        # None is named, and what is likeliest in the rest stays as it was found.
+        return dataclasses.replace(judgement, none_named=True)
     if len(judgement.best.added) < len(judgement.belief.named):
         # The further effects of this set only reduce the analyser's error; without such sets another one may be the most probable.
         needed = _with_usual_values(judgement.of_needed, together)
@@ -166,8 +169,6 @@ def _decided(base: Fit, found: Mapping[Key, Candidate], together: float, proven:
         more = {key: one for key, one in judgement.found.items() if key not in needed.found and len(key) > len(needed.best.added)}
         aside = {key: one for key, one in more.items() if one.leaves_nothing and one.score > needed.best.score}
         judgement = dataclasses.replace(needed, aside=aside)
-    if judgement.accurate:
-        return dataclasses.replace(judgement, none_named=True)
     judgement = _of_the_closer_circuit(judgement, together)
     if (enough := judgement.of_accurate) is not None:
         return enough

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from math import inf
@@ -16,7 +16,7 @@ from motoremi.diagnosis.belief import RELIABLE, Verdict, after_verdict
 from motoremi.diagnosis.candidates import Candidate, large_elements
 from motoremi.diagnosis.decision import ONE_EFFECT, judge
 from motoremi.diagnosis.declared import Declared, likeliest, of_the_base
-from motoremi.diagnosis.explore import Key, ranked
+from motoremi.diagnosis.explore import Key, best_of, ranked
 from motoremi.diagnosis.findings import (
     Finding,
     exchanged_in,
@@ -490,7 +490,7 @@ def _concluded(
             following = next_measurement(base, question, measurement.done)
     else:
         told = {name for family in families for name in family}
-        singles.sort(key=lambda one: (one.effect not in named, one.effect not in told, -probabilities[one.effect], -one.score))
+        singles = in_order(singles, judgement, (named, told))
         following = next_measurement(best.fit if named else base, question, measurement.done)
         if named and (correlated := _correlated(findings)) is not None:
             # Names from such data are not sure, whatever is measured besides.
@@ -536,6 +536,26 @@ def _correlated(findings: Sequence[Finding]) -> Finding | None:
 def closeness(one: Candidate) -> float:
     """Sort key if no model is accepted: the circuit's error, doubled for unusual values or a parameter at a bound."""
     return one.fit.rms_error_percent * (1 if one.ordinary else ALIKE)
+
+
+def in_order(singles: Sequence[Candidate], judgement: Judgement, first: Sequence[Container[str]]) -> list[Candidate]:
+    """Single effects in the order in which they are told, if a model is accepted.
+
+    First those of each container in `first`, then those of sets with usual values to which the odds are not clear: a coil of copper and air is no
+    shorted turn, which had unusual values and odds of e^9. Of effects that are in the most probable sets equally often the one that describes more
+    by itself comes first.
+    """
+    least = best_of(judgement.found.values()).score - CLEAR_GAIN
+    usual = {name for one in judgement.found.values() if one.score > least and not one.unusual for name in one.added}
+    inclusion = judgement.belief.inclusion
+    return sorted(
+        singles,
+        key=lambda one: (
+            *(one.effect not in names for names in (*first, usual)),
+            -round(inclusion.get(one.effect, 0.0), 2),
+            -one.score,
+        ),
+    )
 
 
 def commonest_of_the_closest_first(ranked: Sequence[Candidate]) -> list[Candidate]:
