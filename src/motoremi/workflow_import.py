@@ -440,12 +440,12 @@ def prepared(
     BadInput
         For an option that cannot be used with these files.
     """
+    if finals and not spectra:
+        raise BadInput(FINALS_ALONE)
     if options.limit:
         find_limit(options.limit)
         if not spectra:
             raise BadInput("a limit is for emission spectra, and none of the files is one (--spectrum FILE...)")
-    if finals and not spectra:
-        raise BadInput(FINALS_ALONE)
     named = find_analyser(options.analyser).name if options.analyser is not None else None
     own = _with_options(sweeps, options)
     refuse_impossible(own, options.analyser)

@@ -253,6 +253,30 @@ def test_a_transfer_impedance_that_contradicts_its_unit_is_refused(tmp_path: Pat
         probe_factor(tmp_path, table, text)
 
 
+@pytest.mark.parametrize(
+    ("kind", "title", "other"),
+    [
+        ("loss", "Gain (dB)", "gain"),
+        ("transducer", "preamp gain dB", "gain"),
+        ("gain", "Insertion Loss (dB)", "loss"),
+        ("gain", "attenuation_db", "loss"),
+    ],
+)
+def test_a_title_that_says_the_other_sign_is_refused(tmp_path: Path, kind: str, title: str, other: str) -> None:
+    """A gain of 20 dB as a loss is an error of 40 dB."""
+    with pytest.raises(BadInput, match=f'would apply with the wrong sign; set kind = "{other}"'):
+        probe_factor(tmp_path, f"Frequency (MHz),{title}", PROBE.replace("transducer", kind))
+    own = {"loss": "Insertion Loss (dB)", "gain": "Gain (dB)", "transducer": "factor (dB)"}[kind]
+    assert probe_factor(tmp_path, f"Frequency (Hz),{own}", PROBE.replace("transducer", kind))
+
+
+def test_negative_values_that_may_be_right_are_told(tmp_path: Path) -> None:
+    text = '[[correction]]\nname = "LISN"\nkind = "transducer"\ndb = -10.0\n'
+    (remark,) = read_corrections(corrections_file(tmp_path, text)).remarks()
+    assert remark == "the transducer 'LISN' is negative, down to -10 dB, where it has the opposite effect: check its sign"
+    assert not any("negative" in one for one in probe_factor(tmp_path, "Frequency (Hz),factor (dB)").remarks())
+
+
 def test_currents_are_told_in_their_unit(tmp_path: Path) -> None:
     probe_factor(tmp_path, "Frequency (Hz),Zt (dBOhm)")
     status, out, _ = command("import", tmp_path / "s", "--spectrum", spectrum_file(tmp_path, 6.0), "--corrections", tmp_path / "corrections.toml")

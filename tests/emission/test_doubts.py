@@ -118,6 +118,17 @@ def test_levels_below_thermal_noise_show_nothing() -> None:
     assert verdict([flat("quasi-peak", -20), flat("average", -25)]).verdict == "pass"
 
 
+def test_points_far_below_thermal_noise_were_not_measured() -> None:
+    """Programs write -200 where a receiver gave no level."""
+    holes = flat("quasi-peak", 30)
+    marked = np.where((AXIS > 0.95e6) & (AXIS < 1.05e6), -200.0, holes.level_dbuv)
+    found = verdict([Spectrum("quasi-peak", AXIS, marked, 9e3), flat("average", 10)])
+    assert found.verdict == "marginal"
+    assert (
+        "read down to -200 dBuV, far below the thermal noise of 50 Ohm (-27 dBuV), so they were not measured: remove these rows" in found.reasons[0]
+    )
+
+
 def test_levels_above_ten_volts_are_doubted() -> None:
     found = verdict([flat("quasi-peak", 155), flat("average", 10)])
     assert found.verdict == "fail"

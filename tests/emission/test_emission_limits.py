@@ -8,7 +8,7 @@ import pytest
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import misread
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB, judge_prediction, judge_spectra, overall
-from motoremi.emission.limit import find_limit, limit_names
+from motoremi.emission.limit import Limit, LimitLine, find_limit, limit_names
 from motoremi.errors import BadInput
 
 
@@ -153,4 +153,36 @@ def test_at_30_mhz_the_bandwidth_of_the_band_above_is_right_too():
     at_30_mhz = np.array([29.9e6, 30e6, 30.1e6])
     assert misread(at_30_mhz, 120e3, low=False).tolist() == [True, False, False]
     assert not misread(at_30_mhz, 9e3, low=False).any()
-    assert misread(at_30_mhz, 1e3, low=True).tolist() == [True, True, False]
+    assert misread(at_30_mhz, 9e3, low=True).tolist() == [False, False, True]
+    assert misread(at_30_mhz, 1e3, low=True).tolist() == [True, True, True]
+
+
+@pytest.mark.parametrize(
+    ("bandwidth_hz", "top_hz", "verdict", "why"),
+    [
+        (9e3, 1e6, "fail", "above the quasi-peak limit by 30.0 dB at 1 MHz"),
+        (9e3, 50e3, None, "a bandwidth of 9 kHz reads too high: measure with 200 Hz (band A, 9 kHz - 150 kHz)"),
+        (120e3, 40e6, "fail", "above the quasi-peak limit by 30.0 dB at 40 MHz"),
+        (120e3, 1e6, None, "a bandwidth of 120 kHz reads too high: measure with 9 kHz (band B, 150 kHz - 30 MHz)"),
+        (9e3, None, "pass", ""),
+    ],
+)
+def test_a_bandwidth_that_is_wrong_elsewhere_does_not_hide_a_level_that_fails(bandwidth_hz, top_hz, verdict, why):
+    hertz = np.geomspace(9e3, 30e6 if bandwidth_hz < 20e3 else 60e6, 400)
+    levels = np.full(hertz.shape, 30.0)
+    if top_hz is not None:
+        hertz[np.argmin(np.abs(hertz - top_hz))] = top_hz
+        levels[hertz == top_hz] = 90.0
+    limit = Limit("own", "own", (LimitLine("quasi-peak", ((9e3, 60e6, 60.0, 60.0),), False, "test"),))
+    found = judge_spectra([Spectrum("quasi-peak", hertz, levels, bandwidth_hz)], limit)[0]
+    assert found.verdict == verdict
+    assert why in found.why
+
+
+@pytest.mark.parametrize(("bandwidth_hz", "verdict"), [(1e3, None), (9e3, None), (120e3, "pass")])
+def test_a_narrow_bandwidth_passes_nothing_above_30_mhz(bandwidth_hz, verdict):
+    hertz = np.linspace(76e6, 108e6, 500)
+    limit = Limit("own", "own", (LimitLine("average", ((76e6, 108e6, 18.0, 18.0),), False, "test"),))
+    found = judge_spectra([Spectrum("average", hertz, np.full(hertz.shape, 5.0), bandwidth_hz)], limit)[0]
+    assert found.verdict == verdict
+    assert ("measure with 120 kHz (band C and D, 30 MHz - 1 GHz)" in found.why) == (verdict is None)

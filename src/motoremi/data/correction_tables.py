@@ -21,6 +21,12 @@ _DECIBEL = re.compile(r"(?:^|[\s_(\[])(db(?:/m|\s?\([^)]*\)|\s?(?:ohm|[Ω\u2126]
 # Of a current probe: its transfer impedance Zt, the voltage over the current, so that dBuA = dBuV - Zt.
 DB_OHM = "dB(Ohm)"
 CORRECTION_EXAMPLE = "frequency_hz,db"
+# What a title says of the sign of its values, and the kinds of correction whose sign is the other one.
+_OTHER_SIGN = {
+    "loss": re.compile(r"gain|amplification", re.IGNORECASE),
+    "transducer": re.compile(r"gain|amplification", re.IGNORECASE),
+    "gain": re.compile(r"loss|attenuation|factor", re.IGNORECASE),
+}
 # Spelling in a file, in lower case -> unit.
 _UNITS = {"db": "dB", "db/m": "dB/m", "db(1/m)": "dB(1/m)", "db(1/ohm)": "dB(1/Ohm)", "db(s)": "dB(S)", "db(ohm)": DB_OHM, "dbohm": DB_OHM}
 _TRANSFER_IMPEDANCE = re.compile(r"z_?t(?![a-z])|transfer[\s_-]*impedance", re.IGNORECASE)
@@ -51,7 +57,7 @@ def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
     Raises
     ------
     BadInput
-        For frequencies that do not increase, a value that is missing, or a column that is not in dB.
+        For frequencies that do not increase, a value that is missing, a column that is not in dB, or one whose title says another kind.
     """
     shown = show_name(path)
     text = decode(read_bytes(path), shown)
@@ -69,6 +75,13 @@ def read_decibels(path: Path, kind: str) -> tuple[FloatArray, FloatArray, str]:
     if len(others) != 1:
         raise BadInput(f"{shown}: found {columns_found(table)}, but a correction needs one column in dB, named db; convert other units first")
     index, unit = others[0]
+    if said := _OTHER_SIGN[kind].search(table.columns[index]):
+        other = "gain" if kind != "gain" else "loss"
+        title = clean_text(table.columns[index], 40)
+        raise BadInput(
+            f'{shown}: the column {title!r} holds a {said[0].lower()}, which kind = "{kind}" would apply with the wrong sign; '
+            f'set kind = "{other}", or correct the title'
+        )
     frequency = np.array(table.numbers(found["frequency"].index)) * found["frequency"].factor
     values = np.array(table.numbers(index))
     axis = checked_frequency(frequency, shown, 2)

@@ -125,6 +125,11 @@ class Correction(BaseModel):
             raise BadInput(f"{show_name(path)}: {problems(error, content)}") from error
 
     @property
+    def least_db(self) -> float:
+        """Its lowest value, in dB; 0 for a two-port."""
+        return float(np.min(self.db)) if self.db is not None else 0.0
+
+    @property
     def is_negative(self) -> bool:
         """Whether a loss or gain is negative on average: the other kind is meant, or the sign is wrong."""
         return self.kind in _OTHER and self.db is not None and float(np.mean(self.db)) < 0
@@ -306,6 +311,8 @@ class Corrections:
         for entry in self.entries:
             if gap := entry.widest_gap():
                 found.append(f"the correction {entry.name!r} has no value between {show_band(*gap)}: it is interpolated there")
+            if entry.unit == "dB" and (least := entry.least_db) < 0:
+                found.append(f"the {entry.kind} {entry.name!r} is negative, down to {least:g} dB, where it has the opposite effect: check its sign")
         repeated = [entry.name for index, entry in enumerate(self.entries) if entry in self.entries[:index]]
         return found + [f"the correction {name!r} is entered twice with the same values, and both are applied" for name in dict.fromkeys(repeated)]
 

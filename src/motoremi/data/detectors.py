@@ -13,7 +13,7 @@ SPELLINGS = {
     "peak": ("peak", "max-peak", "maxpeak", "pk", "pk+", "pos", "positive", "pos-peak", "positive-peak"),
     "quasi-peak": ("quasi-peak", "quasipeak", "qp", "qpk"),
     "average": ("average", "av", "avg"),
-    "cispr-average": ("cispr-average", "cispr-av", "caverage", "cav", "emi-average", "eav"),
+    "cispr-average": ("cispr-average", "cispr-av", "cispr-avg", "c-average", "caverage", "cavg", "cav", "emi-average", "eav"),
     "rms-average": ("rms-average", "rms-avg", "rms-av", "cispr-rms", "crms", "cispr-rms-average"),
 }
 _BY_SPELLING = {spelling: detector for detector, spellings in SPELLINGS.items() for spelling in spellings}

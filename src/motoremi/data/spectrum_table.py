@@ -9,6 +9,7 @@ from functools import partial
 from motoremi.data.columns import Column, columns_found, find_columns, has_decibels, holds_levels, level_unit, meanings_of, unit_trouble
 from motoremi.data.complex_columns import complex_trouble
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
+from motoremi.data.final_list import parts_of
 from motoremi.data.immittance import PAIRS, column_values
 from motoremi.data.overload import may_mark_overload, overload_of
 from motoremi.data.repeated import Levels, spectrum_of
@@ -29,6 +30,8 @@ _IMPEDANCE_MEANINGS = {name for pair in PAIRS for name in (pair.first, pair.seco
 _OFFSETS = {"level": 0.0, "level_dbm": DBUV_OF_0_DBM}
 
 
+# The bandwidth of a table that states none: that of band B.
+ASSUMED_HZ = 9e3
 # In a table of several detectors a cell without a level: final values are measured with the detector whose limit is near.
 NOT_MEASURED = ("", "-", "--", "---")
 
@@ -56,29 +59,30 @@ def spectra_of_table(table: Table, changes: Sequence[str] = ()) -> list[Spectrum
     """
     found = find_columns(table)
     columns = _level_columns(table, found)
-    frequency = rising_frequency(table, found["frequency"])
     overload, marks = overload_of(table)
     header = {key: value for key, value in table.header.items() if key not in ("points", "detector", "rbw_hz")}
-    if doubts := grouping_warnings(table, found, frequency):
-        header["warnings"] = list(doubts)
-    bandwidth = 9e3
-    if "rbw_hz" in table.header:
-        bandwidth = of_file(table.name, partial(bandwidth_hz, table.header["rbw_hz"]))
-    else:
-        header["rbw_assumed"] = True
-    notes = (*changes, *_left_out(table, {found["frequency"].index, *marks, *(one.column.index for one in columns)}))
+    written_hz = of_file(table.name, partial(bandwidth_hz, table.header["rbw_hz"])) if "rbw_hz" in table.header else None
+    parts, beside = parts_of(table, column_values(table, found["frequency"]), written_hz or ASSUMED_HZ)
+    notes = (*changes, *_left_out(table, {found["frequency"].index, *marks, *beside, *(one.column.index for one in columns)}))
 
     spectra = []
     for one in columns:
-        rows = [row for row, cells in enumerate(table.rows) if len(columns) == 1 or cells[one.column.index].strip() not in NOT_MEASURED]
-        if not rows:
-            continue
-        without = len(table.rows) - len(rows)
-        gaps = (f"{without} of {len(table.rows)} rows have no {one.detector} level",) if without else ()
-        level = column_values(table.only(rows), one.column) + one.offset_db
-        levels = Levels(frequency[rows], level, None if overload is None else overload[rows], (*notes, *gaps))
-        metadata = header | ({"read_as": "dBm in 50 Ohm"} if one.offset_db else {})
-        spectra.append(of_file(table.name, partial(spectrum_of, one.detector, levels, bandwidth, metadata)))
+        for part in parts:
+            rows = [row for row in part.rows if len(columns) == 1 or table.rows[row][one.column.index].strip() not in NOT_MEASURED]
+            if not rows:
+                continue
+            of_part = table.only(rows)
+            frequency = rising_frequency(of_part, found["frequency"])
+            without = len(part.rows) - len(rows)
+            gaps = (f"{without} of {len(part.rows)} rows have no {one.detector} level",) if without else ()
+            level = column_values(of_part, one.column) + one.offset_db
+            levels = Levels(frequency, level, None if overload is None else overload[rows], (*notes, *gaps))
+            metadata = header | part.metadata | ({"read_as": "dBm in 50 Ohm"} if one.offset_db else {})
+            width_hz = part.bandwidth_hz or written_hz
+            metadata |= {"rbw_assumed": True} if width_hz is None else {}
+            if doubts := grouping_warnings(of_part, found, frequency):
+                metadata["warnings"] = list(doubts)
+            spectra.append(of_file(table.name, partial(spectrum_of, one.detector, levels, width_hz or ASSUMED_HZ, metadata)))
     if not spectra:
         raise BadInput(f"{table.name}: no row has a level")
     return spectra

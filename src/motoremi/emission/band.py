@@ -64,8 +64,8 @@ class Band:
 BAND_A = Band("A", (9e3, 150e3), 200.0, 45e-3, 500e-3, 160e-3, 10.0)
 BAND_B = Band("B", (150e3, 30e6), 9e3, 1e-3, 160e-3, 160e-3, 100.0)
 BANDS = (BAND_A, BAND_B)
-# Bandwidth of the bands C and D, which begin at 30 MHz, the end of band B.
-ABOVE_BAND_B_HZ = 120e3
+# Bands C and D: detectors there are not computed, only their bandwidth is compared. Time constants from memory, not checked against the standard.
+ABOVE_BAND_B = Band("C and D", (30e6, 1e9), 120e3, 1e-3, 550e-3, 100e-3, 100.0)
 
 # Increase of level, in dB, that a pulse train of another rate needs for the same quasi-peak reading as at 25 Hz (band A) or 100 Hz (band B).
 # Pulse table of CISPR 16-1-1 from memory, not checked against the standard.
@@ -98,7 +98,7 @@ def band_of(resolution_bandwidth_hz: float) -> Band:
 
 def band_at(frequency_hz: float) -> Band:
     """The band of a frequency; the nearest one outside of all."""
-    return min(BANDS, key=lambda band: max(band.span_hz[0] / frequency_hz, frequency_hz / band.span_hz[1]))
+    return min((*BANDS, ABOVE_BAND_B), key=lambda band: max(band.span_hz[0] / frequency_hz, frequency_hz / band.span_hz[1]))
 
 
 def misread(frequency_hz: FloatArray, resolution_bandwidth_hz: float, low: bool) -> BoolArray:
@@ -107,12 +107,10 @@ def misread(frequency_hz: FloatArray, resolution_bandwidth_hz: float, low: bool)
     At a common end of two bands either bandwidth is right; outside of all bands any.
     """
     wrong, right = np.zeros((2, *frequency_hz.shape), dtype=np.bool_)
-    for band in BANDS:
+    for band in (*BANDS, ABOVE_BAND_B):
         inside = (frequency_hz >= band.span_hz[0]) & (frequency_hz <= band.span_hz[1])
         if not band.accepts(resolution_bandwidth_hz) and (resolution_bandwidth_hz < band.bandwidth_hz) == low:
             wrong |= inside
         else:
             right |= inside
-    if abs(resolution_bandwidth_hz / ABOVE_BAND_B_HZ - 1) <= BANDWIDTH_TOLERANCE:
-        right |= frequency_hz >= BAND_B.span_hz[1]
     return wrong & ~right

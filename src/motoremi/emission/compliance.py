@@ -9,6 +9,7 @@ Where scans were repeated, the highest reading of a detector counts, and a final
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -178,14 +179,14 @@ def _on_line(
     said = [f"{worst.detector}: {worst.why}"] if worst is not None and worst.verdict != "pass" else []
     said += [left] if left and (worst is None or worst.verdict is not None) else []
     if missing:
-        share = percent(100 * width_hz(measured) / width_hz(limited), 2)
+        share = percent(100 * decades(measured) / decades(limited), 2)
         said.append(f"{line.detector}: not measured at {_listed(missing)}; the verdict is on the rest, {share} of the limit's span")
     return _OnLine(verdict, "; ".join(said), tuple(missing))
 
 
-def width_hz(spans: Iterable[Sequence[float]]) -> float:
-    """The width of spans (low, high) in hertz, all together."""
-    return sum(high - low for low, high in spans)
+def decades(spans: Iterable[Sequence[float]]) -> float:
+    """The width of spans (low, high) in hertz, all together, in decades as on the axis of a limit: half of 150 kHz - 30 MHz lies below 2.1 MHz."""
+    return sum(math.log10(high / low) for low, high in spans)
 
 
 def _not_valid(speaking: Sequence[Spectrum], line: LimitLine, measured: Sequence[Span]) -> str:

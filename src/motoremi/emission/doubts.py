@@ -19,6 +19,7 @@ from motoremi.emission.band import BANDWIDTH_TOLERANCE
 from motoremi.emission.finals import Rules
 from motoremi.emission.judge import ORDER, Judged, line_for
 from motoremi.emission.limit import Limit
+from motoremi.quantities import show_band
 
 # With less time at a point the linear average is no final value.
 FINAL_DWELL_S = 1.0
@@ -30,6 +31,8 @@ NEAR_DB = Rules().margin_db
 QUIET_DB = 6.0
 # Thermal noise at 290 K in 1 Hz, in dBuV across 50 Ohm: -174 dBm and 107 dB.
 THERMAL_DBUV = -67.0
+# Averages of noise in decibels scatter below it by a few dB; what is this much lower is no reading.
+NO_READING_DB = 10.0
 # 10 V at the LISN: CISPR limits end at 130 dBuV.
 MOST_DBUV = 140.0
 
@@ -109,6 +112,13 @@ def impossible_levels(spectra: Sequence[Spectrum], limit: Limit) -> Iterator[str
     for one in spectra if limit.unit == "dBuV" else ():
         what, typical, highest = one.detector, float(np.median(one.level_dbuv)), float(one.level_dbuv.max())
         noise = THERMAL_DBUV + 10 * np.log10(one.resolution_bandwidth_hz)
+        none = one.level_dbuv < noise - NO_READING_DB
+        if typical >= noise and none.any():
+            where = show_band(*one.frequency_hz[none][[0, -1]])
+            yield (
+                f"{what}: points within {where} (number: {np.count_nonzero(none)}) read down to {one.level_dbuv.min():.0f} dBuV, far below the "
+                f"thermal noise of 50 Ohm ({noise:.0f} dBuV), so they were not measured: remove these rows"
+            )
         if typical < noise:
             below = f"below {typical:.0f} dBuV, less than the thermal noise of 50 Ohm ({noise:.0f} dBuV)"
             yield f"{what}: half of the levels are {below}: is the unit dBm?"

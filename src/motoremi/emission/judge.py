@@ -122,18 +122,25 @@ def judge_levels(
         if not usable.any():
             found.append(Judged(detector, line.detector, None, None, None, 0, left_out, "the limit does not cover any of these points"))
             continue
-        margin = (bound - level_dbuv)[usable]
+        margin, inside_hz = (bound - level_dbuv)[usable], frequency_hz[usable]
         worst = int(np.argmin(margin))
-        least, at_hz = float(margin[worst]), float(frequency_hz[usable][worst])
+        too_high = _misread(inside_hz, resolution_bandwidth_hz, low=False)
+        if too_high[worst] and not too_high.all():
+            # What a level that reads too high leaves open another one may decide.
+            right = int(np.argmin(np.where(too_high, np.inf, margin)))
+            worst = right if verdict_of(float(margin[right]), expanded_uncertainty_db) == "fail" else worst
+        least, at_hz = float(margin[worst]), float(inside_hz[worst])
         verdict: Verdict | None = verdict_of(least, expanded_uncertainty_db)
+        passes = verdict == "pass"
         why = f"{'below' if least >= 0 else 'above'} the {line.detector} limit by {abs(least):.1f} dB at {at_hz / 1e6:.4g} MHz"
         if line is not own:
-            if verdict == "pass":
+            if passes:
                 why = f"{detector} is {why}: {line.detector} reads no higher, so it passes too"
             else:
                 verdict, why = None, f"{detector} is {why}: that does not decide on {line.detector}; measure with the {line.detector} detector"
-        if verdict is not None and (misread := _misread(frequency_hz[usable], resolution_bandwidth_hz, passes=verdict == "pass")):
-            verdict, why = None, f"{why}, but {misread}"
+        wrong_hz = inside_hz[_misread(inside_hz, resolution_bandwidth_hz, low=True)] if passes else inside_hz[[worst]][too_high[[worst]]]
+        if verdict is not None and resolution_bandwidth_hz is not None and wrong_hz.size:
+            verdict, why = None, f"{why}, but {_wrong_bandwidth(resolution_bandwidth_hz, float(np.median(wrong_hz)), passes)}"
         found.append(Judged(detector, line.detector, verdict, least, at_hz, int(usable.sum()), left_out, why))
     return found
 
@@ -145,16 +152,18 @@ def verdict_of(margin_db: float, uncertainty_db: float) -> Verdict:
     return "fail" if margin_db < -uncertainty_db else "marginal"
 
 
-def _misread(frequency_hz: FloatArray, resolution_bandwidth_hz: float | None, passes: bool) -> str:
-    """Why levels of this bandwidth do not show that they pass, or fail; empty if they do."""
+def _misread(frequency_hz: FloatArray, resolution_bandwidth_hz: float | None, low: bool) -> BoolArray:
+    """Points that a bandwidth reads too low, or too high; none if it is not known."""
     if resolution_bandwidth_hz is None:
-        return ""
-    wrong_hz = frequency_hz[misread(frequency_hz, resolution_bandwidth_hz, low=passes)]
-    if not wrong_hz.size:
-        return ""
-    band = band_at(float(np.median(wrong_hz)))
+        return np.zeros(frequency_hz.shape, dtype=np.bool_)
+    return misread(frequency_hz, resolution_bandwidth_hz, low)
+
+
+def _wrong_bandwidth(resolution_bandwidth_hz: float, frequency_hz: float, low: bool) -> str:
+    """That levels of this bandwidth do not show that they pass (`low`), or fail, and which bandwidth would."""
+    band = band_at(frequency_hz)
     return (
-        f"a bandwidth of {show(resolution_bandwidth_hz, 'Hz')} reads too {'low' if passes else 'high'}: measure with "
+        f"a bandwidth of {show(resolution_bandwidth_hz, 'Hz')} reads too {'low' if low else 'high'}: measure with "
         f"{show(band.bandwidth_hz, 'Hz')} (band {band.name}, {show_band(*band.span_hz)})"
     )
 

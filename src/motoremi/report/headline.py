@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from motoremi.arrays import JsonDict
-from motoremi.emission.compliance import width_hz
+from motoremi.emission.compliance import decades
 from motoremi.fitting.result import Fit
 from motoremi.inspection.compare import Comparison, compare
 from motoremi.model.effects.names import as_sum
@@ -141,14 +141,14 @@ def _emission(materials: Materials) -> Box:
 
 
 def _measured_share(prediction: JsonDict) -> float:
-    """The share of the limit's span in which levels were measured, of that line and place in which least of it was."""
+    """The share of the limit's span in which levels were measured, in decades, of that line and place in which least of it was."""
     gaps: dict[tuple[str, str, str], list[Sequence[float]]] = {}
     for gap in prediction.get("not_measured", ()):
         gaps.setdefault((gap["detector"], gap["conductor"], gap["operating"]), []).append(gap["band_hz"])
     if not gaps:
         return 1.0
-    limited = {line["detector"]: width_hz(segment[:2] for segment in line["segments"]) for line in prediction["limit"]["lines"]}
-    return min(1 - width_hz(spans) / limited[detector] for (detector, *_), spans in gaps.items())
+    limited = {line["detector"]: decades(segment[:2] for segment in line["segments"]) for line in prediction["limit"]["lines"]}
+    return min(1 - decades(spans) / limited[detector] for (detector, *_), spans in gaps.items())
 
 
 def _levels(judged: JsonDict) -> str:
