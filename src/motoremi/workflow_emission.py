@@ -171,11 +171,12 @@ def predict_session(
     expanded_uncertainty_db: float | None = None,
     corrections: Corrections | None = None,
     with_model: bool = True,
+    guard_band_db: float | None = None,
 ) -> Prediction:
     """The spectrum predicted from the source and the fitted motor, and the verdict on the measured levels.
 
-    A set-up, a limit, an uncertainty or corrections given here are stored for later calls; the corrections replace those with which the session was
-    made. Without an open-circuit sweep, or if `with_model` is False, only the measured levels are judged.
+    A set-up, a limit, an uncertainty, a guard band or corrections given here are stored for later calls; the corrections replace those with which
+    the session was made. Without an open-circuit sweep, or if `with_model` is False, only the measured levels are judged.
 
     Raises
     ------
@@ -189,7 +190,8 @@ def predict_session(
     state = _state(session)
     chosen_limit = find_limit(limit if limit is not None else state["limit"])
     refuse_other_unit(corrections if corrections is not None else session.corrections, chosen_limit)
-    guard_db = expanded_uncertainty_db if expanded_uncertainty_db is not None else state.get("uncertainty_db", EXPANDED_UNCERTAINTY_DB)
+    uncertainty_db = expanded_uncertainty_db if expanded_uncertainty_db is not None else state.get("uncertainty_db", EXPANDED_UNCERTAINTY_DB)
+    guard_db = guard_band_db if guard_band_db is not None else state.get("guard_band_db")
     if setup is not None:
         state = {**state, "setup": read_setup(setup).to_dict(), "steps": []}
     if corrections is not None:
@@ -197,7 +199,7 @@ def predict_session(
             corrections.corrected_spectrum(spectrum)
         store.save_analysis(CORRECTIONS, {"schema": "motoremi.corrections/1", "corrections": corrections.to_list()})
         state = {**state, "steps": []}
-    state = _save(store, state, limit=limit if limit is not None else state["limit"], uncertainty_db=guard_db)
+    state = _save(store, state, limit=limit if limit is not None else state["limit"], uncertainty_db=uncertainty_db, guard_band_db=guard_db)
     session = load(store.path)
     motor, stated = (None, _stated(session)) if alone else (_motor(store), setup_of(session))
     effects: tuple[str, ...] = ()
@@ -209,10 +211,11 @@ def predict_session(
         stated,
         session.spectra,
         chosen_limit,
-        expanded_uncertainty_db=guard_db,
+        expanded_uncertainty_db=uncertainty_db,
         effects=effects,
         corrections=session.corrections,
         finals=session.finals,
+        guard_band_db=guard_db,
     )
     store.save_analysis(PREDICTION, result.to_dict())
     return result
@@ -227,16 +230,16 @@ def choose_finals(
     return {"maxima": [one.to_dict() for one in chosen], "more": more, "limit": limit}
 
 
-def judged(store: Store, limit: str, uncertainty: float | None = None) -> JsonDict:
+def judged(store: Store, limit: str, uncertainty: float | None = None, guard_band: float | None = None) -> JsonDict:
     """The verdict on the measured levels, with all reasons; a prediction is stored as well if a model of the motor has been fitted."""
     session = load(store.path)
     with_model = bool(session.ladder) and all(_has_band(spectrum) for spectrum in session.spectra)
-    result = predict_session(store, limit=limit, expanded_uncertainty_db=uncertainty, with_model=with_model)
+    result = predict_session(store, limit=limit, expanded_uncertainty_db=uncertainty, with_model=with_model, guard_band_db=guard_band)
     decided = [one for one in result.judged if one.verdict is not None and one.worst_margin_db is not None]
     worst = min(decided, key=lambda one: one.worst_margin_db or 0.0, default=None)
     least = f"{worst.what}: {worst.why}" if worst is not None else "no level can be compared with it"
     doubt = ", values NOT CONFIRMED" if result.limit.unconfirmed else ""
-    against = f"{result.limit.title}{doubt} (guard band {result.expanded_uncertainty_db:.3g} dB)"
+    against = f"{result.limit.title}{doubt} (guard band {result.guard_band_db:.3g} dB)"
     says = f"{result.verdict}, {against}: {'; '.join(result.reasons) or least}"
     return {"verdict": result.verdict, "says": says, "reasons": list(result.reasons), "remarks": result.limit.remarks()}
 

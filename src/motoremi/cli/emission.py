@@ -21,7 +21,17 @@ def predict_(
     limit: Annotated[str | None, typer.Option("--limit", metavar="NAME", help="A limit ('motoremi limits') or your own .toml; kept.")] = None,
     uncertainty_db: Annotated[
         float | None,
-        typer.Option("--uncertainty", metavar="DB", help="Expanded uncertainty (k = 2), the guard band; 3.4 dB at first; kept.", min=0, max=40),
+        typer.Option("--uncertainty", metavar="DB", help="Expanded uncertainty (k = 2); 3.4 dB at first; kept.", min=0, max=40),
+    ] = None,
+    guard_band_db: Annotated[
+        float | None,
+        typer.Option(
+            "--guard-band",
+            metavar="DB",
+            help="Guard band of the verdicts, instead of the uncertainty with that of the corrections; 0 is simple acceptance; kept.",
+            min=0,
+            max=40,
+        ),
     ] = None,
     corrections: Annotated[
         Path | None,
@@ -42,7 +52,7 @@ def predict_(
     file = None if plot is None else plot_file(plot)
     chain = None if corrections is None else corrections_of(corrections)
     with opened(path) as store:
-        result = predict_session(store, setup, limit, uncertainty_db, chain)
+        result = predict_session(store, setup, limit, uncertainty_db, chain, guard_band_db=guard_band_db)
     if file is not None:
         save_plot(result.plot(), file)
     if as_json:

@@ -145,6 +145,14 @@ def judge_levels(
     return found
 
 
+def rule_in_words(guard_db: float, expanded_uncertainty_db: float) -> str:
+    """The rule by which levels were judged."""
+    if guard_db == 0:
+        uncertainty = f"{expanded_uncertainty_db:.3g} dB (k = 2)"
+        return f"simple acceptance: at or below the limit is a pass, above it a fail, whatever the uncertainty of {uncertainty}"
+    return f"guard band {guard_db:.3g} dB: below the limit by as much is a pass, above by more a fail, between them marginal"
+
+
 def verdict_of(margin_db: float, uncertainty_db: float) -> Verdict:
     """Verdict on a level that is below its limit by a margin."""
     if margin_db >= uncertainty_db - 1e-9:

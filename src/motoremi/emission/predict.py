@@ -64,11 +64,13 @@ class Prediction:
     effects : tuple of str
         Source-side effects in the model.
     expanded_uncertainty_db : float
-        Guard band of the verdicts, with the uncertainty of the corrections.
+        With the uncertainty of the corrections, k = 2.
     corrections : Corrections
     finals : tuple of Final
     gaps : tuple of Gap
         Parts of the limit's span in which nothing was measured, for each limit line; empty without measured spectra.
+    guard_band_db : float
+        Of the verdicts; 0 is simple acceptance.
     """
 
     frequency_hz: FloatArray
@@ -86,6 +88,7 @@ class Prediction:
     corrections: Corrections = NO_CORRECTIONS
     finals: tuple[Final, ...] = ()
     gaps: tuple[Gap, ...] = ()
+    guard_band_db: float = EXPANDED_UNCERTAINTY_DB
 
     def measured_dbuv(self) -> dict[str, FloatArray]:
         """Measured, corrected levels at the frequencies of the prediction, the highest of all spectra of a detector.
@@ -155,6 +158,7 @@ class Prediction:
             "limit": self.limit.to_dict(),
             "effects": list(self.effects),
             "expanded_uncertainty_db": self.expanded_uncertainty_db,
+            "guard_band_db": self.guard_band_db,
             "corrections": self.corrections.to_list(),
             "correction_db": self.corrections.added_db("receiver", self.frequency_hz).tolist(),
             "readings_dbuv": _lists(self._on_axis(self.readings)),
@@ -165,7 +169,7 @@ class Prediction:
         }
 
     def __repr__(self) -> str:
-        what, guard = "Prediction" if self.predicted_dbuv else "Levels", f"guard band {self.expanded_uncertainty_db:.3g} dB"
+        what, guard = "Prediction" if self.predicted_dbuv else "Levels", f"guard band {self.guard_band_db:.3g} dB"
         lines = [f"{what}: {self.verdict} ({self.judged_what}, {self.limit.title}, {guard})"]
         lines += [f"  corrected for {one.name} ({one.kind})" for one in self.corrections.role("receiver")]
         lines += [f"  why: {reason}" for reason in self.reasons]
@@ -212,6 +216,7 @@ def predict(
     effects: Sequence[str] = (),
     corrections: Corrections = NO_CORRECTIONS,
     finals: Sequence[Spectrum] = (),
+    guard_band_db: float | None = None,
 ) -> Prediction:
     """Predict the spectrum at the LISN, and compare the measured levels with a limit.
 
@@ -229,13 +234,15 @@ def predict(
     frequency_hz : array_like, shape (n,), optional
         By default those of all measured spectra, or 150 kHz to 30 MHz in 4.5 kHz.
     expanded_uncertainty_db : float
-        Guard band.
+        Of the levels before corrections, k = 2.
     effects : sequence of str
         Names of the effects that `setup` already contains, for the record.
     corrections : Corrections
-        Corrections for the parts between LISN and receiver, for all measured levels. Their uncertainty widens the guard band.
+        Corrections for the parts between LISN and receiver, for all measured levels. Their uncertainty is added to that of the levels.
     finals : sequence of Spectrum
         Short scans around the maxima, uncorrected. If there are any, their detectors are judged by them.
+    guard_band_db : float, optional
+        Of the verdicts: below the limit by as much is a pass, above by more a fail. By default the expanded uncertainty; 0 is simple acceptance.
 
     Raises
     ------
@@ -252,7 +259,8 @@ def predict(
     chosen = replace(setup if setup is not None else Setup(), corrections=corrections)
     bound = limit if isinstance(limit, Limit) else find_limit(limit)
     refuse_other_unit(corrections, bound)
-    guard_db = float(np.hypot(expanded_uncertainty_db, corrections.uncertainty_db()))
+    uncertainty_db = float(np.hypot(expanded_uncertainty_db, corrections.uncertainty_db()))
+    guard_db = uncertainty_db if guard_band_db is None else guard_band_db
     readings, _ = split(spectra)
     running, background = split([corrections.corrected_spectrum(spectrum) for spectrum in spectra])
     if motor is None and not running:
@@ -291,10 +299,11 @@ def predict(
         shown.verdict,
         shown.reasons,
         tuple(effects),
-        guard_db,
+        uncertainty_db,
         corrections,
         values,
         shown.gaps,
+        guard_db,
     )
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
+from motoremi.emission.judge import rule_in_words
 from motoremi.quantities import show, show_band
 from motoremi.report.axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, frequency_axis, legend_above, panels
 from motoremi.report.contents import Materials, Picture, Section, Table
@@ -41,7 +42,7 @@ def prediction_figure(prediction: JsonDict, height_inch: float = 0.0) -> Figure:
     frequency = np.array(prediction["frequency_hz"], dtype=np.float64)
     measured = prediction["measured_dbuv"]
     # Not stored by earlier versions.
-    guard = float(prediction.get("expanded_uncertainty_db", 0.0))
+    guard = _guard_db(prediction, float(prediction.get("expanded_uncertainty_db", 0.0)))
     shown = list(measured) or ["peak", "quasi-peak", "average"]
     for detector in shown:
         if detector in measured:
@@ -188,6 +189,18 @@ def correction_tables(session: Session) -> tuple[Table, ...]:
     )
 
 
+def rule_of(prediction: JsonDict) -> str:
+    """The rule by which levels were judged, in words."""
+    uncertainty = float(prediction["expanded_uncertainty_db"])
+    return rule_in_words(_guard_db(prediction, uncertainty), uncertainty)
+
+
+def _guard_db(prediction: JsonDict, uncertainty_db: float) -> float:
+    """The guard band; earlier versions stored none, and used the uncertainty."""
+    stored = prediction.get("guard_band_db")
+    return uncertainty_db if stored is None else float(stored)
+
+
 def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[str, ...]:
     """The verdict in words, what is missing, and what a reader has to know."""
     effects = ", ".join(prediction["effects"]) or "no effect of source or path"
@@ -196,8 +209,8 @@ def prediction_texts(prediction: JsonDict, diagnosis: JsonDict | None) -> tuple[
     if prediction["predicted_dbuv"]:
         texts.append(f"The prediction holds {effects}.")
     if "expanded_uncertainty_db" in prediction:
-        guard = prediction["expanded_uncertainty_db"]
-        texts.append(f"Guard band {guard:.3g} dB (k = 2): below the limit by more is a pass, above by more a fail, between them marginal.")
+        rule = rule_of(prediction)
+        texts.append(f"{rule[:1].upper()}{rule[1:]}.")
     if diagnosis is not None:
         texts.append(f"Diagnosis of the spectra: {in_words(diagnosis)}; confidence {100 * diagnosis['confidence']:.0f} %.")
         texts += [str(reason)[:1].upper() + str(reason)[1:] + "." for reason in diagnosis["reasons"]]

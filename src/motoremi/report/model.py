@@ -10,6 +10,7 @@ from motoremi.data.conditions import SingleValue
 from motoremi.data.session import Session
 from motoremi.report.all_sections import all_sections
 from motoremi.report.contents import Choice, Letterhead, Materials, Picture, Report, Section, Table, is_result
+from motoremi.report.emission_section import rule_of
 from motoremi.report.equipment import equipment_of
 from motoremi.report.gaps import gaps
 from motoremi.report.headline import boxes
@@ -81,8 +82,12 @@ def _signatures(materials: Materials) -> tuple[str, ...]:
 def _statements(materials: Materials) -> tuple[str, ...]:
     if (laboratory := materials.laboratory) is None:
         return ()
-    rule = laboratory.decision_rule
-    return (laboratory.statement, *([] if rule is None else [f"Decision rule: {rule.rule} Source: {rule.source}"]))
+    rule, prediction = laboratory.decision_rule, materials.stored("prediction")
+    if rule is None:
+        return (laboratory.statement,)
+    # The laboratory's words are its own: what was done stands beside them.
+    done = f" The emission verdicts of this report: {rule_of(prediction)}." if prediction and "expanded_uncertainty_db" in prediction else ""
+    return laboratory.statement, f"Decision rule: {rule.rule} Source: {rule.source}{'' if rule.source.endswith('.') else '.'}{done}"
 
 
 def session_hash(session: Session) -> str:

@@ -180,7 +180,10 @@ class JudgeStep(Strict):
 
     do: Literal["judge"]
     limit: str = Field(default="cispr32-b", max_length=300, description="its name (motoremi limits), or the path of your own file")
-    uncertainty: Annotated[float, Quantity("dB", 0, 40)] = Field(default=3.4, description="expanded uncertainty (k = 2): the guard band")
+    uncertainty: Annotated[float, Quantity("dB", 0, 40)] = Field(default=3.4, description="expanded uncertainty (k = 2)")
+    guard_band: Annotated[float, Quantity("dB", 0, 40)] | None = Field(
+        default=None, description="guard band of the verdicts instead of the uncertainty with that of the corrections; 0 is simple acceptance"
+    )
 
 
 class ReportStep(Strict):
