@@ -11,6 +11,7 @@ from motoremi.emission.compliance import Compliance, compliance
 from motoremi.emission.finals import final_values, judge_with_finals
 from motoremi.emission.judge import judge_spectra
 from motoremi.emission.limit import find_limit
+from motoremi.emission.predict import predict
 
 CISPR32 = find_limit("cispr32-b")
 AXIS = 150e3 + 4.5e3 * np.arange(6634)
@@ -133,3 +134,15 @@ def test_levels_above_ten_volts_are_doubted() -> None:
     found = verdict([flat("quasi-peak", 155), flat("average", 10)])
     assert found.verdict == "fail"
     assert "quasi-peak: up to 155 dBuV, more than 10 V: is the unit right, and was a correction applied twice?" in found.reasons
+
+
+def test_a_background_alone_is_compared_with_the_limit_and_passes_nothing() -> None:
+    off = flat("peak", 20, 43, condition="motor off")
+    told = predict(None, spectra=[off], limit=CISPR32)
+    assert (told.verdict, told.judged_what) == ("marginal", "background")
+    assert told.reasons == (
+        "measured with the motor off only, which shows nothing of the motor",
+        "peak with the motor off: peak is below the quasi-peak limit by 13.0 dB at 1.05 MHz; 6 dB below are wanted",
+        "peak with the motor off: peak is below the average limit by 3.0 dB at 1.05 MHz; 6 dB below are wanted: measure in a shielded room",
+    )
+    assert told.measured_dbuv()["peak"].max() == 43

@@ -41,7 +41,10 @@ def test_a_level_at_the_limit_is_accepted(session: Path, tmp_path: Path) -> None
 def test_the_report_says_by_which_rule_it_was_judged(session: Path, tmp_path: Path) -> None:
     rule = '[decision_rule]\nrule = "Simple acceptance."\nsource = "agreed with the customer"\n'
     (tmp_path / "lab.toml").write_text(f'name = "Lab"\n{rule}')
-    for option, said in (((), "guard band 3.4 dB: below the limit by as much"), (("--guard-band", "0"), "simple acceptance: at or below the limit")):
+    for option, said in (
+        ((), "guard band 3.4 dB: below the limit by as much"),
+        (("--guard-band", "0"), "simple acceptance: at or below the limit"),
+    ):
         motoremi("predict", session, "--limit", "cispr32-b", *option)
         done = motoremi("report", session, "--profile", tmp_path / "lab.toml")
         assert done.returncode == 0, done.stderr

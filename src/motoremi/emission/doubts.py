@@ -17,7 +17,7 @@ from motoremi.data.kernels import nearest_points, within_half_a_step
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import BANDWIDTH_TOLERANCE
 from motoremi.emission.finals import Rules
-from motoremi.emission.judge import ORDER, Judged, line_for
+from motoremi.emission.judge import ORDER, Judged, judge_levels, levels_in_words, line_for, place_of
 from motoremi.emission.limit import Limit
 from motoremi.quantities import show_band
 
@@ -59,6 +59,21 @@ def surroundings(spectra: Sequence[Spectrum], background: Sequence[Spectrum], ju
                 "measure in a shielded room"
             )
     return list(dict.fromkeys(found))
+
+
+def of_the_background(background: Sequence[Spectrum], limit: Limit) -> list[str]:
+    """How far the levels with the motor off are below each limit line, the worst of a detector and place; so far below is wanted of them."""
+    worst: dict[tuple[str, str], Judged] = {}
+    for one in background:
+        for judged in judge_levels(one.detector, one.frequency_hz, one.level_dbuv, limit, QUIET_DB, one.overload, one.resolution_bandwidth_hz):
+            key = levels_in_words(one.detector, *place_of(one)), judged.line
+            if judged.worst_margin_db is not None and (key not in worst or judged.worst_margin_db < (worst[key].worst_margin_db or 0.0)):
+                worst[key] = judged
+    wanted = f"{QUIET_DB:g} dB below are wanted"
+    return [
+        f"{what} with the motor off: {one.why.split(':')[0]}; {wanted}" + ("" if one.verdict == "pass" else ": measure in a shielded room")
+        for (what, _), one in worst.items()
+    ]
 
 
 def _out_of_order(spectra: Sequence[Spectrum], finals: Sequence[Spectrum], limit: Limit) -> Iterator[str]:

@@ -17,7 +17,8 @@ from motoremi.data.kernels import within_half_a_step
 from motoremi.data.spectrum import Detector, Spectrum
 from motoremi.drawing import figure_of
 from motoremi.emission.background import ambient_of, split
-from motoremi.emission.compliance import Gap, compliance, of_prediction
+from motoremi.emission.compliance import Compliance, Gap, compliance, of_prediction
+from motoremi.emission.doubts import of_the_background
 from motoremi.emission.finals import Final, final_values, judge_with_finals
 from motoremi.emission.judge import EXPANDED_UNCERTAINTY_DB, Judged, Verdict, judge_prediction, judge_spectra
 from motoremi.emission.limit import Limit, find_limit
@@ -57,7 +58,8 @@ class Prediction:
     limit : Limit
     judged : tuple of Judged
         Verdicts on the final values and the measured spectra if there are any, else on the prediction.
-    judged_what : {"final", "measured", "predicted"}
+    judged_what : {"final", "measured", "background", "predicted"}
+        "background" if all was measured with the motor off.
     verdict : {"pass", "marginal", "fail"}
     reasons : tuple of str
         Why it is no pass, and where nothing was measured.
@@ -169,7 +171,7 @@ class Prediction:
         }
 
     def __repr__(self) -> str:
-        what, guard = "Prediction" if self.predicted_dbuv else "Levels", f"guard band {self.guard_band_db:.3g} dB"
+        what, guard = "Prediction" if self.judged_what == "predicted" else "Levels", f"guard band {self.guard_band_db:.3g} dB"
         lines = [f"{what}: {self.verdict} ({self.judged_what}, {self.limit.title}, {guard})"]
         lines += [f"  corrected for {one.name} ({one.kind})" for one in self.corrections.role("receiver")]
         lines += [f"  why: {reason}" for reason in self.reasons]
@@ -261,18 +263,20 @@ def predict(
     refuse_other_unit(corrections, bound)
     uncertainty_db = float(np.hypot(expanded_uncertainty_db, corrections.uncertainty_db()))
     guard_db = uncertainty_db if guard_band_db is None else guard_band_db
-    readings, _ = split(spectra)
+    readings, quiet = split(spectra)
     running, background = split([corrections.corrected_spectrum(spectrum) for spectrum in spectra])
-    if motor is None and not running:
+    if motor is None and not running and not background:
         raise BadInput("there is neither a motor's model nor a measured spectrum of the running motor: nothing to predict or judge")
     if motor is not None and corrections.level_unit != "dBuV":
         motor = None
+    off_only = motor is None and not running
+    shown = background if off_only else running
     if frequency_hz is not None:
         frequency: FloatArray = real_numbers(frequency_hz, "the frequencies of a prediction")
         if frequency.ndim != 1 or frequency.size < 2 or np.any(np.diff(frequency) <= 0) or frequency[0] <= 0:
             raise BadInput("the frequencies of a prediction must increase and be above 0")
     else:
-        frequency = _all_frequencies(running) if running else scan_frequencies(chosen.receiver.band)
+        frequency = _all_frequencies(shown) if shown else scan_frequencies(chosen.receiver.band)
     if background and chosen.ambient is None:
         chosen = replace(chosen, ambient=ambient_of(background))
     levels = {} if motor is None else chosen.levels(frequency, motor_function(motor, chosen)(frequency))
@@ -284,25 +288,28 @@ def predict(
     else:
         judged = judge_prediction(frequency, {str(name): level for name, level in levels.items()}, bound, guard_db)
     corrected_finals = [corrections.corrected_spectrum(final) for final in finals]
-    shown = compliance(running, corrected_finals, judged, bound, guard_db, background) if running else of_prediction(judged, bound)
+    found = compliance(running, corrected_finals, judged, bound, guard_db, background) if running else of_prediction(judged, bound)
+    if off_only:
+        nothing = "measured with the motor off only, which shows nothing of the motor"
+        found = Compliance("marginal", (nothing, *of_the_background(background, bound)))
     if isinstance(motor, Fit) and not running:
-        shown = replace(shown, reasons=(*_of_the_motor(motor), *shown.reasons))
+        found = replace(found, reasons=(*_of_the_motor(motor), *found.reasons))
     return Prediction(
         frequency,
         levels,
-        tuple(running),
-        tuple(readings),
+        tuple(shown),
+        tuple(quiet if off_only else readings),
         chosen,
         bound,
         tuple(judged),
-        "final" if values else "measured" if running else "predicted",
-        shown.verdict,
-        shown.reasons,
+        "final" if values else "measured" if running else "background" if off_only else "predicted",
+        found.verdict,
+        found.reasons,
         tuple(effects),
         uncertainty_db,
         corrections,
         values,
-        shown.gaps,
+        found.gaps,
         guard_db,
     )
 

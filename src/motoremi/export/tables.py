@@ -42,7 +42,8 @@ def sweep_table(session: Session, fit: Fit | None = None) -> pd.DataFrame:
     refuse_other(session, Session, "sweep_table needs a session, load(folder)")
     sweeps = (*session.corrected_sweeps, *session.corrected_conditioned)
     if not sweeps:
-        raise BadInput(f"{session.path.name} holds no impedance sweep: there is nothing to export")
+        instead = "its levels are exported with --spectra FILE" if session.spectra else "there is nothing to export"
+        raise BadInput(f"{session.path.name} holds no impedance sweep: {instead}")
     errors = [name for name in ("sigma_relative", "rounding_relative") if any(getattr(sweep, name) is not None for sweep in sweeps)]
     frames = []
     for repeat, sweep in zip(repeat_numbers(sweeps), sweeps, strict=True):
