@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from command_line import document, motoremi
 
+from motoremi.data.spectrum import Spectrum
+from motoremi.emission.predict import predict
+
 AXIS = 150e3 + 4.5e3 * np.arange(6634)
 
 
@@ -36,6 +39,14 @@ def test_a_level_at_the_limit_is_accepted(session: Path, tmp_path: Path) -> None
     (tmp_path / "own.toml").write_text(own)
     assert document(motoremi("predict", session, "--limit", tmp_path / "own.toml", "--guard-band", "0", "--json"))["verdict"] == "pass"
     assert document(motoremi("predict", session, "--guard-band", "0.1", "--json"))["verdict"] == "marginal"
+
+
+@pytest.mark.parametrize(("limit", "said"), [("cispr32-b", False), ("cispr25-class3", True)])
+def test_the_uncertainty_of_mains_ports_is_told_where_it_is_used_elsewhere(limit: str, said: bool) -> None:
+    spectra = [Spectrum("quasi-peak", AXIS, np.full(AXIS.size, 20.0))]
+    remark = "an expanded uncertainty of 3.4 dB is that of mains ports from 150 kHz to 30 MHz: state yours for this limit (--uncertainty)"
+    assert (remark in predict(None, spectra=spectra, limit=limit).remarks()) == said
+    assert remark not in predict(None, spectra=spectra, limit=limit, expanded_uncertainty_db=2.9).remarks()
 
 
 def test_the_report_says_by_which_rule_it_was_judged(session: Path, tmp_path: Path) -> None:

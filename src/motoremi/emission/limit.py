@@ -16,12 +16,13 @@ from motoremi.data.spectrum import DETECTORS, Detector
 from motoremi.data.text import clean_text
 from motoremi.data.text_file import show_name
 from motoremi.data.toml_file import parse_toml, read_toml
+from motoremi.emission.band import BAND_A, BAND_B
 from motoremi.errors import BadInput
 
 # Keys of a limit's file and of each of its lines.
 KEYS, LINE_KEYS = ("title", "port", "lisn", "note", "unit", "line"), ("detector", "segments", "confirmed", "source")
 # No CISPR band begins below.
-LOWEST_HZ = 9e3
+LOWEST_HZ = BAND_A.span_hz[0]
 LEVEL_UNITS = tuple(dict.fromkeys(UNITS.values()))
 
 
@@ -83,6 +84,13 @@ class Limit:
     def line(self, detector: str) -> LimitLine | None:
         """The line of a detector, or None."""
         return next((line for line in self.lines if line.detector == detector), None)
+
+    @property
+    def is_of_mains_ports(self) -> bool:
+        """Whether it is for voltages at a LISN of mains ports in band B only."""
+        low, high = BAND_B.span_hz
+        inside = all(segment[0] >= low and segment[1] <= high for line in self.lines for segment in line.segments)
+        return inside and self.unit == "dBuV" and self.lisn == "50uH"
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:

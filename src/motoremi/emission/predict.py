@@ -139,6 +139,12 @@ class Prediction:
         found += [f"{one.what}: {one.left_out} of {one.points + one.left_out} points not judged" for one in self.judged if one.left_out]
         if self.limit.lisn != self.setup.path.lisn.name:
             found.append(f"{self.limit.title} is for the {self.limit.lisn} LISN, but the path has the {self.setup.path.lisn.name} one")
+        assumed = float(np.hypot(EXPANDED_UNCERTAINTY_DB, self.corrections.uncertainty_db()))
+        if not self.limit.is_of_mains_ports and np.isclose(self.expanded_uncertainty_db, assumed):
+            found.append(
+                f"an expanded uncertainty of {EXPANDED_UNCERTAINTY_DB:g} dB is that of mains ports from 150 kHz to 30 MHz: state yours for this "
+                "limit (--uncertainty)"
+            )
         if self.finals and (late := [one for one in self.finals if one.overload]):
             found.append(f"{len(late)} of {len(self.finals)} final values were overloaded: their true level is higher")
         found += [str(one["text"]) for spectrum in self.spectra for one in unsuitable(spectrum)]
