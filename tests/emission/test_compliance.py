@@ -210,7 +210,7 @@ def test_a_maximum_above_the_limit_without_a_final_value_is_not_shown_to_comply(
     found = verdict(spectra, finals=finals[:1])
     assert found.verdict == "marginal"
     assert found.reasons[0].startswith(
-        "quasi-peak: 1 maxima of the scans are above that limit and have no final value, the highest by 14.0 dB at 2.9985 MHz"
+        "quasi-peak: 1 maximum of the scans is above that limit and has no final value, the highest by 14.0 dB at 2.9985 MHz"
     )
 
 
@@ -268,7 +268,7 @@ def test_a_maximum_inside_the_guard_band_of_the_limits_own_detector_needs_a_fina
     found = verdict(spectra, finals=finals)
     assert found.verdict == "marginal"
     assert found.reasons[0].startswith(
-        "average: 1 maxima of the scans are inside the guard band of that limit and have no final value, the highest 0.1 dB below the limit at 6.9"
+        "average: 1 maximum of the scans is inside the guard band of that limit and has no final value, the highest 0.1 dB below the limit at 6.9"
     )
     assert verdict(spectra, finals=[*finals, final("cispr-average", 7e6, 45)]).reasons[0].endswith("the higher reading counts")
 
@@ -277,7 +277,7 @@ def test_a_maximum_beside_one_that_was_measured_again_is_not_measured_again():
     """20 kHz apart, and the final measurement is 9 kHz wide."""
     lines = with_level(line_at("quasi-peak", 20e6, 55), 59.5, 20.018e6, 20.022e6)
     found = verdict([line_at("peak", 20e6, 68), lines, flat("average", 20)], finals=[final("quasi-peak", 20e6, 54)])
-    assert found.reasons[0].startswith("quasi-peak: 1 maxima of the scans are inside the guard band")
+    assert found.reasons[0].startswith("quasi-peak: 1 maximum of the scans is inside the guard band")
 
 
 def test_a_line_without_final_values_is_judged_by_its_scans():

@@ -286,7 +286,9 @@ def _not_read_again(exact: Sequence[Spectrum], higher: Sequence[Spectrum], final
         highest += f", and {len(margins) - above} inside its guard band" if above < len(margins) else ""
     else:
         side, highest = "inside the guard band of that limit", f"the highest {margin_db:.1f} dB below the limit {at}"
-    return f"{line.detector}: {above or len(margins)} maxima of the scans are {side} and have no final value, {highest}: measure more maxima again"
+    count = above or len(margins)
+    what = f"1 maximum of the scans is {side} and has" if count == 1 else f"{count} maxima of the scans are {side} and have"
+    return f"{line.detector}: {what} no final value, {highest}: measure more maxima again"
 
 
 def _unchanged(spectra: Sequence[Spectrum]) -> Iterable[str]:
