@@ -593,9 +593,9 @@ def test_tinysa(tmp_path: Path, delimiter: str, unit: float) -> None:
 @pytest.mark.parametrize("empty", ["", "---", "-"])
 def test_final_values_with_one_detector_in_each_row(tmp_path: Path, empty: str) -> None:
     """As EMI software writes them: the other detector's cell is empty."""
-    quasi_peak = "".join(f"{0.5 + at};{60 - at}.5;{empty};66.0;5.5;L1\n" for at in range(4))
-    average = "".join(f"{10.5 + at};{empty};{40 - at}.5;56.0;15.5;N\n" for at in range(3))
-    text = f"Frequency (MHz);QuasiPeak (dBµV);CAverage (dBµV);Limit (dBµV);Margin (dB);Line\n{quasi_peak}{average}"
+    quasi_peak = "".join(f"{0.5 + at};{60 - at}.5;{empty};66.0;5.5\n" for at in range(4))
+    average = "".join(f"{10.5 + at};{empty};{40 - at}.5;56.0;15.5\n" for at in range(3))
+    text = f"Frequency (MHz);QuasiPeak (dBµV);CAverage (dBµV);Limit (dBµV);Margin (dB)\n{quasi_peak}{average}"
     first, second = read_spectra(write(tmp_path, text))
     assert (first.detector, second.detector) == ("quasi-peak", "cispr-average")
     assert first.level_dbuv.tolist() == [60.5, 59.5, 58.5, 57.5]

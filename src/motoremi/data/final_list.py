@@ -88,7 +88,7 @@ def parts_of(table: Table, frequency_hz: FloatArray, bandwidth_hz: float) -> tup
         known = width if isinstance(width, float) and width > 0 else None
         if any(corrections[row] for row in rows):
             own["transducer"] = f"column {clean_text(table.columns[found['correction'][0]], 40)}"
-        if _is_scan(frequency_hz[rows], known or bandwidth_hz):
+        if _is_scan(frequency_hz[rows], bandwidth_hz if known is None else known):
             parts.append(Part(rows, known, own))
             continue
         if own.get("dwell_s", LEAST_FINAL_S) < LEAST_FINAL_S:

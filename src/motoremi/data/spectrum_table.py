@@ -61,8 +61,9 @@ def spectra_of_table(table: Table, changes: Sequence[str] = ()) -> list[Spectrum
     columns = _level_columns(table, found)
     overload, marks = overload_of(table)
     header = {key: value for key, value in table.header.items() if key not in ("points", "detector", "rbw_hz")}
-    written_hz = of_file(table.name, partial(bandwidth_hz, table.header["rbw_hz"])) if "rbw_hz" in table.header else None
-    parts, beside = parts_of(table, column_values(table, found["frequency"]), written_hz or ASSUMED_HZ)
+    stated = "rbw_hz" in table.header
+    of_table_hz = of_file(table.name, partial(bandwidth_hz, table.header["rbw_hz"])) if stated else ASSUMED_HZ
+    parts, beside = parts_of(table, column_values(table, found["frequency"]), of_table_hz)
     notes = (*changes, *_left_out(table, {found["frequency"].index, *marks, *beside, *(one.column.index for one in columns)}))
 
     spectra = []
@@ -78,11 +79,11 @@ def spectra_of_table(table: Table, changes: Sequence[str] = ()) -> list[Spectrum
             level = column_values(of_part, one.column) + one.offset_db
             levels = Levels(frequency, level, None if overload is None else overload[rows], (*notes, *gaps))
             metadata = header | part.metadata | ({"read_as": "dBm in 50 Ohm"} if one.offset_db else {})
-            width_hz = part.bandwidth_hz or written_hz
-            metadata |= {"rbw_assumed": True} if width_hz is None else {}
+            width_hz = of_table_hz if part.bandwidth_hz is None else part.bandwidth_hz
+            metadata |= {} if stated or part.bandwidth_hz is not None else {"rbw_assumed": True}
             if doubts := grouping_warnings(of_part, found, frequency):
                 metadata["warnings"] = list(doubts)
-            spectra.append(of_file(table.name, partial(spectrum_of, one.detector, levels, width_hz or ASSUMED_HZ, metadata)))
+            spectra.append(of_file(table.name, partial(spectrum_of, one.detector, levels, width_hz, metadata)))
     if not spectra:
         raise BadInput(f"{table.name}: no row has a level")
     return spectra
