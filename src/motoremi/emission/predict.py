@@ -139,6 +139,11 @@ class Prediction:
         found += [f"{one.what}: {one.left_out} of {one.points + one.left_out} points not judged" for one in self.judged if one.left_out]
         if self.limit.lisn != self.setup.path.lisn.name:
             found.append(f"{self.limit.title} is for the {self.limit.lisn} LISN, but the path has the {self.setup.path.lisn.name} one")
+        if self.judged_what == "predicted":
+            found.append(
+                "the guard band contains the uncertainty of a measurement, not the errors of source, path and motor's model: a prediction shows no "
+                "compliance"
+            )
         assumed = float(np.hypot(EXPANDED_UNCERTAINTY_DB, self.corrections.uncertainty_db()))
         if not self.limit.is_of_mains_ports and np.isclose(self.expanded_uncertainty_db, assumed):
             found.append(
