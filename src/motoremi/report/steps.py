@@ -11,7 +11,7 @@ from motoremi.quantities import show
 # Units of settings whose names do not contain them, as in `schema.procedure_steps`.
 UNITS = {
     "nominal": "Ohm", "resistance": "Ohm", "inductance": "H", "conductance": "S", "capacitance": "F",
-    "dwell": "s", "time": "s", "apart": "Hz", "margin": "dB", "uncertainty": "dB",
+    "dwell": "s", "time": "s", "apart": "Hz", "margin": "dB", "uncertainty": "dB", "guard_band": "dB",
 }  # fmt: skip
 
 
