@@ -69,7 +69,11 @@ def each_motor(figures: JsonDict, sessions: Sequence[str], golden: Collection[st
     motors = []
     for session in sessions:
         unknown = [name for name, sessions in missing.items() if session in sessions]
+        # Of a motor without its open-circuit sweep nothing is known of its frame.
+        unseen = [name for name in figures["limits"] if "." not in name and name not in unknown and session not in figures["values"].get(name, ())]
         reasons = [*beyond[session], *doubts[session], *(f"{name} is not determined" for name in unknown)]
+        if unseen:
+            reasons.append(f"its sweeps do not show {', '.join(unseen)}: not compared")
         result: Outcome
         if session in troubles:
             result, reasons = "no result", [troubles[session]]
@@ -80,7 +84,7 @@ def each_motor(figures: JsonDict, sessions: Sequence[str], golden: Collection[st
         elif doubts[session]:
             result = "data in doubt"
         else:
-            result = "within limits" if figures["limits"] and not unknown else "not judged"
+            result = "within limits" if figures["limits"] and not (unknown or unseen) else "not judged"
         motors.append({"session": session, "serial": serials.get(session, ""), "result": result, "reasons": reasons})
     order = {entry["session"]: number for number, entry in reversed(list(enumerate(figures["beyond_limits"])))}
     return sorted(motors, key=lambda one: (OUTCOMES.index(one["result"]), order.get(one["session"], 0)))

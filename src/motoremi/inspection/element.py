@@ -372,6 +372,8 @@ def _impedance_sigma(fit: Fit, circuit: Node, s: ComplexArray) -> FloatArray:
             unit = values[position] if parameter.scale == "log" else problem.vector_scale(index)
             rows.append(slopes[position] * unit)
             shared.append(index)
+    if not rows:  # all that the circuit has is held
+        return np.zeros(s.shape)
     jacobian = np.array(rows)
     covariance = fit.covariance[np.ix_(shared, shared)]
     variance = np.einsum("in,ij,jn->n", jacobian.conj(), covariance, jacobian).real
