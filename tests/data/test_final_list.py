@@ -91,6 +91,12 @@ def test_lines_that_alternate_row_by_row_are_two_scans(tmp_path: Path) -> None:
     assert [(one.metadata["line"], len(one)) for one in scans] == [("L1", 50), ("N", 50)]
 
 
+def test_a_bandwidth_without_its_unit_does_not_take_a_scan_apart(tmp_path: Path) -> None:
+    rows = "".join(f"{150 + 4.5 * n:.1f};30.5;L1;9\n" for n in range(50))
+    (one,), finals = read_emission(written(tmp_path, "Frequency (kHz);QP (dBuV);Line;RBW", rows))
+    assert (len(one), one.resolution_bandwidth_hz, one.metadata["rbw_assumed"], finals) == (50, 9e3, True, [])
+
+
 def test_a_coarse_scan_in_equal_steps_is_a_scan(tmp_path: Path) -> None:
     rows = "".join(f"{150 + 100 * n};30.{n % 10};L1\n" for n in range(50))
     scans, finals = read_emission(written(tmp_path, "Frequency (kHz);QP (dBuV);Line", rows))

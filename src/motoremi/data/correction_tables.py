@@ -22,9 +22,10 @@ _DECIBEL = re.compile(r"(?:^|[\s_(\[])(db(?:/m|\s?\([^)]*\)|\s?(?:ohm|[Ω\u2126]
 DB_OHM = "dB(Ohm)"
 CORRECTION_EXAMPLE = "frequency_hz,db"
 # What a title says of the sign of its values, and the kinds of correction whose sign is the other one.
+_GAIN = re.compile(r"gain|amplification", re.IGNORECASE)
 _OTHER_SIGN = {
-    "loss": re.compile(r"gain|amplification", re.IGNORECASE),
-    "transducer": re.compile(r"gain|amplification", re.IGNORECASE),
+    "loss": _GAIN,
+    "transducer": _GAIN,
     "gain": re.compile(r"loss|attenuation|factor", re.IGNORECASE),
 }
 # Spelling in a file, in lower case -> unit.

@@ -27,11 +27,13 @@ _TITLES = {
     "correction": re.compile(r"corr(?:\.|ection)?|korr(?:\.|ektur)?|transd(?:\.|ucer)?", re.IGNORECASE),
 }
 _UNIT = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
+# Names of the lines of a LISN.
 LINES = re.compile(r"L[1-3]|N", re.IGNORECASE)
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-# A detector with time constants needs this long; what was measured for less is no final value.
+# With less time the weighted detectors have not settled, and the reading is no final value.
 LEAST_FINAL_S = 1.0
-# Neighbouring points of a scan are no further apart than this many bandwidths, those of a list of maxima nearly always.
+# Neighbouring points of a scan are no further apart than this many bandwidths, those of a list of maxima nearly always: a disturbance between two
+# such maxima is in neither reading.
 SCAN_STEP = 4.0
 # Steps of a coarse scan are equal within this share; of maxima so many are not by chance.
 EQUAL, FEWEST_STEPS = 0.02, 4
@@ -75,8 +77,8 @@ def parts_of(table: Table, frequency_hz: FloatArray, bandwidth_hz: float) -> tup
     if not {"line", "time"} & found.keys():
         return [Part(list(range(len(table.rows))), None, {})], set()
     lines = _cells(table, found, "line", lambda text, _: text.upper() if LINES.fullmatch(text) else clean_text(text, 40))
-    times = _cells(table, found, "time", lambda text, where: parse_number(text, where) * SECONDS.get(found["time"][1], np.nan))
-    widths = _cells(table, found, "bandwidth", lambda text, where: parse_number(text, where) * (HERTZ.factor(found["bandwidth"][1]) or np.nan))
+    times = _cells(table, found, "time", lambda text, where: _in_si(text, where, SECONDS.get(found["time"][1])))
+    widths = _cells(table, found, "bandwidth", lambda text, where: _in_si(text, where, HERTZ.factor(found["bandwidth"][1])))
     corrections = _cells(table, found, "correction", parse_number)
     groups: dict[tuple[object, object, object], list[int]] = {}
     for row, key in enumerate(zip(lines, widths, times, strict=True)):
@@ -84,7 +86,7 @@ def parts_of(table: Table, frequency_hz: FloatArray, bandwidth_hz: float) -> tup
     parts = []
     for (line, width, seconds), rows in groups.items():
         stated = {"line": line, "dwell_s": seconds}
-        own: JsonDict = {name: value for name, value in stated.items() if value and value == value}
+        own: JsonDict = {name: value for name, value in stated.items() if value}
         known = width if isinstance(width, float) and width > 0 else None
         if any(corrections[row] for row in rows):
             own["transducer"] = f"column {clean_text(table.columns[found['correction'][0]], 40)}"
@@ -112,6 +114,11 @@ def _cells(table: Table, found: dict[str, tuple[int, str]], name: str, read: Cal
         return [None] * len(table.rows)
     index = found[name][0]
     return [read(cells[index].strip(), f"{table.where(row)}, column {table.columns[index]!r}") for row, cells in enumerate(table.rows)]
+
+
+def _in_si(text: str, where: str, factor: float | None) -> float | None:
+    """A number in SI units; None if its unit is not known."""
+    return None if factor is None else parse_number(text, where) * factor
 
 
 def _is_scan(frequency_hz: FloatArray, bandwidth_hz: float) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 
 from motoremi.arrays import FloatArray, JsonDict
 from motoremi.data.detectors import DBUV_OF_0_DBM, detector_name
+from motoremi.data.final_list import LEAST_FINAL_S, LINES, SECONDS
 from motoremi.data.numbers import has_decimal_commas, looks_cut, looks_numeric, parse_number
 from motoremi.data.repeated import Levels, spectrum_of
 from motoremi.data.spectrum import DETECTORS, Spectrum
@@ -32,11 +33,6 @@ _LEVELS = {"dbuv": 0.0, "dbm": DBUV_OF_0_DBM}
 _DETECTOR_KEYS = ("detector", "scan detector")
 _FINAL_DETECTOR_KEYS = ("final detector", "detector")
 _FINAL_TIME_KEYS = ("final meas time", "meas time")
-# With less time the weighted detectors have not settled, and the reading is no final value.
-_LEAST_FINAL_S = 1.0
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-# Names of the lines of a LISN in the rows of final values.
-_PHASE = re.compile(r"L[1-3]|N", re.IGNORECASE)
 # Settings of a trace that may stand in the head: they are read, and are not those of every spectrum of the file.
 _OF_A_TRACE = ("rbw", "detector", "scan detector", "trace mode", "x-unit", "y-unit")
 # Settings and their lines, by key.
@@ -233,8 +229,8 @@ def _final(file: _File, section: _Section, reading: _Reading, name: str, comma: 
     if reading.detector not in DETECTORS:
         raise BadInput(f"their detector is {clean_text(reading.detector, 40)}")
     seconds = _final_time_s(section, name, comma)
-    if seconds is not None and seconds < _LEAST_FINAL_S:
-        raise BadInput(f"they were measured for {show(seconds, 's')} where {show(_LEAST_FINAL_S, 's')} are needed")
+    if seconds is not None and seconds < LEAST_FINAL_S:
+        raise BadInput(f"they were measured for {show(seconds, 's')} where {show(LEAST_FINAL_S, 's')} are needed")
     at_hz = np.array([reading.frequency_hz])
     ((_, bandwidth_hz),) = _parts(file, section, at_hz, file_name(name), comma)
     own = metadata | {"maximum_hz": reading.frequency_hz}
@@ -249,9 +245,9 @@ def _final_time_s(section: _Section, name: str, comma: bool) -> float | None:
         cells, line = section.settings.get(key, ([], 0))
         if cells and cells[0]:
             unit = cells[1].lower() if len(cells) > 1 else "s"
-            if unit not in _SECONDS:
+            if unit not in SECONDS:
                 raise BadInput(f"the unit of their measuring time is {clean_text(unit, 20)!r}")
-            return _number(cells[0], f"{name}, line {line}", comma) * _SECONDS[unit]
+            return _number(cells[0], f"{name}, line {line}", comma) * SECONDS[unit]
     return None
 
 
@@ -292,7 +288,7 @@ def _final_readings(section: _Section, head: _Section, comma: bool) -> Iterator[
         if len(cells) < 3:
             raise BadInput(f"line {line}: no final value")
         level, frequency = (_number(cells[column], f"line {line}", comma) for column in (2, 1))
-        phase = next((cell.upper() for cell in cells[3:] if _PHASE.fullmatch(cell)), "")
+        phase = next((cell.upper() for cell in cells[3:] if LINES.fullmatch(cell)), "")
         yield _Reading(detector, level + offset, frequency * factor, phase)
 
 

@@ -18,6 +18,7 @@ from typing import TypeAlias
 import numpy as np
 
 from motoremi.arrays import BoolArray, JsonDict
+from motoremi.data.final_list import SCAN_STEP
 from motoremi.data.kernels import steps_beside
 from motoremi.data.spectrum import Spectrum
 from motoremi.emission.band import misread
@@ -33,7 +34,7 @@ Place: TypeAlias = tuple[str, str]
 NOT_STATED: Place = ("", "")
 # A step so many times wider than the bandwidth is a gap: a disturbance between its two points is in neither reading. It is that between two scans
 # in one spectrum, or between the rows of a list of maxima.
-GAP = 4.0
+GAP = SCAN_STEP
 # Spans that a reason lists.
 LISTED = 4
 # A maximum of a scan is the same as one that was measured again if it is nearer than this.
