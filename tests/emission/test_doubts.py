@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -134,6 +136,15 @@ def test_levels_above_ten_volts_are_doubted() -> None:
     found = verdict([flat("quasi-peak", 155), flat("average", 10)])
     assert found.verdict == "fail"
     assert "quasi-peak: up to 155 dBuV, more than 10 V: is the unit right, and was a correction applied twice?" in found.reasons
+
+
+def test_where_nothing_was_measured_no_background_is_told() -> None:
+    """A current is not predicted, so that a model of the motor alone shows nothing of it."""
+    probe = Corrections.of([{"name": "probe", "kind": "transducer", "unit": "dB(1/Ohm)", "db": 5.0}], "test")
+    limit = dataclasses.replace(CISPR32, unit="dBuA")
+    told = predict(lambda hertz: np.full(np.shape(hertz), 50.0 + 0j), limit=limit, corrections=probe)
+    assert (told.verdict, told.judged_what) == ("marginal", "predicted")
+    assert not any("motor off" in reason for reason in told.reasons)
 
 
 def test_a_background_alone_is_compared_with_the_limit_and_passes_nothing() -> None:

@@ -280,7 +280,7 @@ def predict(
         raise BadInput("there is neither a motor's model nor a measured spectrum of the running motor: nothing to predict or judge")
     if motor is not None and corrections.level_unit != "dBuV":
         motor = None
-    off_only = motor is None and not running
+    off_only = motor is None and not running and bool(background)
     shown = background if off_only else running
     if frequency_hz is not None:
         frequency: FloatArray = real_numbers(frequency_hz, "the frequencies of a prediction")
