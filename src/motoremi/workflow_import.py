@@ -227,8 +227,8 @@ def addition(
     condition : Condition, optional
         Condition under which all sweeps were measured.
     options : ImportOptions
-        Analyser, compensation, band and accuracy; where not given, the analyser and the compensation of the session. Analyser and accuracy apply to
-        all sweeps, so they must be those of the session.
+        Analyser, compensation, band and accuracy; where not given, those of the session. Analyser and accuracy apply to all sweeps, so they must be
+        those of the session.
     spectra, finals : sequence of Spectrum
         Scans and final values as read; the session's corrections apply to them.
 
@@ -255,7 +255,7 @@ def addition(
     if options.analyser is not None and not sweeps:
         raise BadInput("--analyser is for impedance sweeps: leave it out, or give --short FILE..., --open FILE... with it")
     own = []
-    for sweep in _with_options(sweeps, options):
+    for sweep in _in_band_of(session, sweeps, options):
         if sweep.condition is not None and condition is not None and sweep.condition != condition:
             raise BadInput(f"{sweep.metadata['source']}: its header states {sweep.condition}, but --condition is {condition}; correct one of them")
         own.append(sweep.under(condition or sweep.condition))
@@ -305,6 +305,8 @@ def _as_declared(sweep: ImpedanceSweep, session: Session, options: ImportOptions
             f"{source}: an accuracy of {accuracy:g} % is stated, but {those} for the sweeps of {name}, and it applies to all: leave it out, or "
             "import all sweeps again with it"
         )
+    if accuracies and accuracy is None:
+        sweep = sweep.with_metadata(accuracy_percent=max(accuracies))
     if stored is not None:
         sweep = sweep.with_metadata(analyser=stored)
     if standards := session.sweeps[0].metadata.get("compensated"):
@@ -464,6 +466,7 @@ def prepared(
         "operator": options.operator,
         "ambient": options.ambient,
         "corrections": chain.to_list(),
+        **({"band": options.band} if options.band else {}),
         "imported": list(names),
         "analyser": None if measurement is None else measurement.analyser.name,
         "analyser_assumed": measurement is not None and named is None and not any(sweep.metadata.get("analyser") for sweep in own),
@@ -495,6 +498,17 @@ def _with_options(sweeps: Sequence[ImpedanceSweep], options: ImportOptions) -> l
     if options.compensated:
         stated["compensated"] = list(COMPENSATED)
     return [sweep.with_metadata(**stated) for sweep in own] if stated else own
+
+
+def _in_band_of(session: Session, sweeps: Sequence[ImpedanceSweep], options: ImportOptions) -> list[ImpedanceSweep]:
+    """As `_with_options`, by default within the band of the session: repeats must have the same frequencies."""
+    band = str(session.start.get("band", ""))
+    if options.band or not band or not sweeps:
+        return _with_options(sweeps, options)
+    try:
+        return _with_options(sweeps, replace(options, band=band))
+    except BadInput as error:
+        raise BadInput(f"{error} ({session.path.name} was imported with --band {band}; give --band for another one)") from error
 
 
 def _within(sweep: ImpedanceSweep, span: tuple[float, float]) -> ImpedanceSweep:

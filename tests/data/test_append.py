@@ -147,6 +147,27 @@ def test_settings_for_new_sessions_do_not_refuse_what_is_appended(tmp_path: Path
     assert Measurement.of(load(session).sweeps).accuracy_percent is None
 
 
+def test_band_and_accuracy_of_the_session_apply_to_what_is_appended(tmp_path: Path) -> None:
+    """A further repeat was refused, since it had more points, and the session's accuracy was stored with the first ones only."""
+    session = made(tmp_path, "--band", "200kHz:20MHz", "--accuracy", "2")
+    for words in ((), ("--condition", "second-temperature=53degC")):
+        done = appended(session, *words, *written(tmp_path, f"again{len(words)}", winding("short")))
+        assert done.returncode == 0, done.stderr
+        assert "outside 200 kHz - 20 MHz left out; accuracy stated: 2 %" in done.stdout
+    sweeps = [*load(session).sweeps, *load(session).conditioned]
+    assert [sweep.metadata["accuracy_percent"] for sweep in sweeps] == [2.0] * 4
+    inside = (FREQUENCY_HZ >= 200e3) & (FREQUENCY_HZ <= 20e6)
+    assert all(np.array_equal(sweep.frequency_hz, FREQUENCY_HZ[inside]) for sweep in sweeps)
+    documents = load(session).documents
+    low = ImpedanceSweep("short", np.geomspace(1e3, 100e3, 50), np.full(50, 3 + 1j))
+    done = appended(session, "--condition", "second-temperature=53degC", *written(tmp_path, "low", low))
+    assert done.returncode == 2
+    assert "(s was imported with --band 200kHz:20MHz; give --band for another one)" in done.stderr
+    assert load(session).documents == documents
+    words = written(tmp_path, "low", low)
+    assert appended(session, "--condition", "dc-bias=1A", *words, "--band", "1kHz:100kHz").returncode == 0
+
+
 def megahertz(path: Path, sweep: ImpedanceSweep) -> Path:
     """As a program writes it: megahertz with six decimals."""
     rows = [f"{f / 1e6:.6f},{z.real:.9g},{z.imag:.9g}\n" for f, z in zip(sweep.frequency_hz, sweep.impedance_ohm, strict=True)]

@@ -55,6 +55,12 @@ class Tolerance:
                 raise BadInput(f"the tolerance {name} must be above 0, got {value}")
 
     @property
+    def in_words(self) -> str:
+        """What is judged, with its units."""
+        pairs = ((self.error_percent, "% error"), (self.magnitude_db, "dB of magnitude"), (self.phase_deg, "deg of phase"))
+        return ", ".join(f"{value:g} {unit}" for value, unit in pairs if value is not None)
+
+    @property
     def judges(self) -> bool:
         """Whether anything is judged."""
         return any(value is not None for value in (self.error_percent, self.magnitude_db, self.phase_deg))
@@ -190,7 +196,8 @@ class Comparison:
         ]
 
     def __repr__(self) -> str:
-        lines = [f"Model against measurement: {self.verdict.upper()}"]
+        allowed = f"tolerance {self.tolerance.in_words}, or the measurement's uncertainty if larger"
+        lines = [f"Model against measurement: {self.verdict.upper()} ({allowed})"]
         lines += ["  {:6s} {:22s} rms {:>9s}  max {:>9s}  {:>10s}  {}".format(*line) for line in self._lines()]
         lines += [f"  {text}" for text in self.where_in_words("deviates most" if self.passed else "fails most")]
         return "\n".join(lines)

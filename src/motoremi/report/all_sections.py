@@ -20,7 +20,7 @@ from motoremi.report.conditions_section import beside_tables
 from motoremi.report.contents import Choice, Materials, Picture, Section, Table, is_result, model_name
 from motoremi.report.emission_section import emission_section
 from motoremi.report.equipment import equipment_section
-from motoremi.report.headline import spans, tolerance
+from motoremi.report.headline import spans
 from motoremi.report.identity import identity_section, procedure_section
 from motoremi.report.motor_state_section import state_section
 from motoremi.report.svg import picture
@@ -274,7 +274,7 @@ def bands_table(comparison: Comparison) -> Table:
 
 def _comparison(comparison: Comparison) -> Section:
     texts = (
-        f"Model: {as_sum(('paper’s circuit', *comparison.effects))}. Tolerance at every point: {tolerance(comparison)}. "
+        f"Model: {as_sum(('paper’s circuit', *comparison.effects))}. Tolerance at every point: {comparison.tolerance.in_words}. "
         "A point fails if it is beyond the tolerance and beyond the expanded uncertainty of the measurement (k = 2).",
     )
     drawn = picture("comparison", plots.comparison_figure(comparison), "Error of the current model against uncertainty and tolerance.")

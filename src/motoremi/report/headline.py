@@ -109,11 +109,11 @@ def _judged(comparison: Comparison | None) -> Line:
     if comparison is None:
         return label, "not judged", "plain"
     if comparison.passed:
-        return label, f"PASS: within {tolerance(comparison)}, or within the measurement's uncertainty, at every point", "good"
+        return label, f"PASS: within {comparison.tolerance.in_words}, or within the measurement's uncertainty, at every point", "good"
     failed = [band for band in comparison.bands if band["verdict"] == "fail"]
     return (
         label,
-        f"FAIL in {len(failed)} of {len(comparison.bands)} bands (beyond {tolerance(comparison)} and beyond the measurement's uncertainty)",
+        f"FAIL in {len(failed)} of {len(comparison.bands)} bands (beyond {comparison.tolerance.in_words} and beyond the measurement's uncertainty)",
         "bad",
     )
 
@@ -162,10 +162,3 @@ def _margin(judged: JsonDict) -> str:
 
 def _emission_cause(diagnosis: JsonDict) -> str:
     return f"{in_words(diagnosis)}; confidence {100 * diagnosis['confidence']:.0f} %"
-
-
-def tolerance(comparison: Comparison) -> str:
-    """The tolerance, in words."""
-    limits = comparison.tolerance
-    pairs = ((limits.error_percent, "% error"), (limits.magnitude_db, "dB of magnitude"), (limits.phase_deg, "deg of phase"))
-    return ", ".join(f"{value:g} {unit}" for value, unit in pairs if value is not None)
