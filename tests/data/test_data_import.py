@@ -92,6 +92,13 @@ def test_fine_steps_are_not_taken_for_repeats(tmp_path: Path) -> None:
     np.testing.assert_array_equal(sweep.frequency_hz, frequency)
 
 
+def test_tables_below_each_other_are_refused_as_such(tmp_path: Path, short: Path) -> None:
+    both = tmp_path / "both.csv"
+    both.write_text(short.read_text() * 2)
+    with pytest.raises(BadInput, match=r"both\.csv, line \d+: the column names occur again, so the file holds several tables"):
+        read_impedance(both, "short")
+
+
 def test_band_accuracy_and_repeats_are_told_and_stored(tmp_path: Path, short: Path) -> None:
     open_ = table(tmp_path / "open.csv", *twice(20, 0.0, 1.0003))
     files = ("--short", short, "--open", open_)

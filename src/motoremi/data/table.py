@@ -96,9 +96,8 @@ def parse_table(text: str, name: str, example: str = IMPEDANCE_EXAMPLE) -> Table
             read_key_value(line.text, header)
             continue
         if rows and cells_of(line.text, names.separator)[: len(names.titles)] == list(names.titles):
-            raise BadInput(
-                f"{name}, line {line.number}: the column names occur again, so the file holds several tables: save each in a file of its own"
-            )
+            several = "the column names occur again, so the file holds several tables: save each in a file of its own"
+            raise BadInput(f"{name}, line {line.number}: {several}")
         rows.append(_row(line.text, names, f"{name}, line {line.number}"))
         lines.append(line.number)
     if not rows:
