@@ -512,7 +512,7 @@ class Judgement:
         if not exceeds(self.base):
             return None
         singles = {key: one for key, one in self.found.items() if len(key) == 1 and one.ordinary}
-        enough = {key: one for key, one in singles.items() if accurate(one.fit) or is_within(one.fit)}
+        enough: dict[Key, Candidate] = {key: one for key, one in singles.items() if accurate(one.fit) or is_within(one.fit)}
         if not enough:
             return None
         single = dataclasses.replace(self, belief=believe(enough))

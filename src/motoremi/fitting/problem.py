@@ -439,8 +439,8 @@ class Problem:
     def smooth_error(self, u: FloatArray) -> ComplexArray:
         """Most likely smooth relative error of the analyser given what the model leaves, shape (n,).
 
-        What no model describes is taken to be no larger than what is left: a larger one could cancel an error of the analyser that nothing shows (of
-        a core on a NanoVNA 0.4 % were left, and the analyser was to err by 50 %, with a discrepancy of 14 %).
+        What no model describes is taken to be no larger than what is left: a larger one could cancel an error of the analyser that nothing shows
+        (of a core on a NanoVNA 0.4 % were left, and the analyser was to err by 50 %, with a discrepancy of 14 %).
         """
         residual = self.residual(u)
         weight, columns = self.observed.weight, self.observed.columns.analyser * self.sizes.declared

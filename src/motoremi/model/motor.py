@@ -258,9 +258,9 @@ class Motor:
         """The motor with one more part between it and the analyser."""
         return self._with(Attachment(wrap, terminations, place))
 
-    def with_part_to_frame(self, branch: Node) -> Motor:
-        """The motor with a part from its brush to its frame."""
-        return self._with(Attachment(lambda node: Parallel((node, branch)), place=Outwards.BRUSHES, to_frame=branch))
+    def with_part_to_frame(self, branch: Node, terminations: Terminations = BOTH) -> Motor:
+        """The motor with a part from its brush to its frame; `open` alone: of a frame that a guard holds during the short-circuit sweep."""
+        return self._with(Attachment(lambda node: Parallel((node, branch)), terminations, Outwards.BRUSHES, branch))
 
     def _with(self, attachment: Attachment) -> Motor:
         # Parts at one place stay in the order in which they are added.

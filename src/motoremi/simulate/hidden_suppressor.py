@@ -6,12 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from motoremi.data.sweep import TERMINATIONS, Termination
 from motoremi.simulate import ladders
 from motoremi.simulate.hidden import EffectKind, Elements, Sizes, log_uniform, uniform
 from motoremi.simulate.parts import IN, OUT, Network
 
 
-def _capacitor(name: str, low_farad: float, high_farad: float, ends: Sequence[tuple[str, str]]) -> EffectKind:
+def _capacitor(
+    name: str, low_farad: float, high_farad: float, ends: Sequence[tuple[str, str]], terminations: tuple[Termination, ...] = TERMINATIONS
+) -> EffectKind:
     """A capacitor with a constant loss angle and its wires between each of some pairs of nodes."""
 
     def draw(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
@@ -33,7 +36,7 @@ def _capacitor(name: str, low_farad: float, high_farad: float, ends: Sequence[tu
             network = network.block(f"suppressor{number}", positive, negative, capacitor)
         return network
 
-    return EffectKind(name, draw, apply)
+    return EffectKind(name, draw, apply, terminations=terminations)
 
 
 def _draw_choke(rng: np.random.Generator, elements: Elements) -> dict[str, float]:
@@ -71,5 +74,7 @@ SUPPRESSOR_EFFECTS = (
     _capacitor("suppressor-capacitor", 5e-9, 2e-7, [("X", "Y")]),
     _capacitor("suppressor-capacitor@frame", 1e-9, 1e-8, [("X", "G")]),
     _capacitor("suppressor-capacitor@pair", 1e-9, 1e-8, [("X", "G"), ("Y", "G")]),
+    # A guard takes its current in the short-circuit sweep.
+    _capacitor("suppressor-capacitor@guarded", 1e-9, 1e-8, [("X", "G")], terminations=("open",)),
     _choke("suppressor-choke", "holder"),
 )

@@ -24,6 +24,8 @@ def _capacitor(motor: Motor, place: str, parameters: Mapping[str, Parameter]) ->
     )
     if not place:
         return motor.with_across(branch)
+    if place == "guarded":
+        return motor.with_part_to_frame(branch, ("open",))
     shunted = motor.with_part_to_frame(branch)
     if place == "frame":
         return shunted
@@ -44,8 +46,8 @@ EFFECTS = (
         group="connection",
         kin="suppressor",
         title=(
-            "a suppressor capacitor, alone or with a resistor (snubber): across the terminals, from the terminal to the frame, or one from either "
-            "terminal to the frame"
+            "a suppressor capacitor, alone or with a resistor (snubber): across the terminals, from the terminal to the frame, one from either "
+            "terminal to the frame, or from the terminal to a frame that a guard holds in the short-circuit sweep, which then does not show it"
         ),
         formula=(
             "Z_across / (1 + Z_across / (esr_ohm + s * esl_h + (s / (2 * pi * 1e6))**(2 * atan(tan_delta) / pi) / (s * capacitance_f)))"
@@ -82,7 +84,7 @@ EFFECTS = (
             for x in (5e-9, 3e-8)
         ),
         reader=suppressor_starts.suppressor_capacitor,
-        places=("", "frame", "pair"),
+        places=("", "frame", "pair", "guarded"),
         responds={"second-temperature": {"capacitance_f": 0.97}, "brushes-lifted": {"capacitance_f": 0.0}},
     ),
     Effect(

@@ -16,7 +16,7 @@ import numpy as np
 from motoremi.arrays import ComplexArray, FloatArray
 from motoremi.model import materials
 from motoremi.model.effects.rational_starts import FRAME_POINTS, LEAST_SHARE, SMALL_FRAME, from_rational
-from motoremi.model.effects.seen import LEAST_OHM, Seen
+from motoremi.model.effects.seen import LEAST_OHM, Seen, winding_of
 from motoremi.model.effects.start import Set, Start, Subtract, own_values
 from motoremi.model.path_to_frame import frames
 from motoremi.model.rational import Rational, rational_fit
@@ -34,6 +34,9 @@ SMALL_CA = 3e-11
 LEAST_POINTS, MOST_LOST = 10, 30.0
 # Start values of a choke's minor elements: capacitance of its turns and resistance of its wire.
 CHOKE_REST = {"exponent": 0.95, "capacitance_f": 2e-12, "resistance_ohm": 0.02}
+
+# Degrees of the admittance of the open-circuit sweep with a capacitor beside winding and frame: three resonances, and a capacitance.
+OF_OPEN_ADMITTANCE = (7, 6)
 
 # Values of a capacitor and its wires by short name, SI units.
 Part = Mapping[str, float]
@@ -54,6 +57,8 @@ def suppressor_capacitor(seen: Seen) -> list[dict[Any, float]]:
     or another effect hides a part of that, further start values come from the capacitance at the low end of the open-circuit sweep and the dip of
     its impedance, with the frame of a small motor.
     """
+    if seen.place == "guarded":
+        return _in_open_alone(seen)
     others = _labels(seen, CAPACITOR)
     found = [] if others else _behind_choke(seen)
     for winding, parts in _read(seen, 1 + len(others)):
@@ -93,6 +98,27 @@ def suppressor_choke(seen: Seen) -> list[dict[Any, float]]:
             for corner_hz in (5e6, 2e7)
         ]
     )
+
+
+def _in_open_alone(seen: Seen) -> list[dict[Any, float]]:
+    """A capacitor that the open-circuit sweep alone shows: one of the resonances of its admittance, beside the winding of the other sweep."""
+    windings = from_rational(seen.short_rational((1, 2)), _winding)
+    if not windings or seen.frame_hz is None or seen.open_ohm is None:
+        return []
+    admittance = rational_fit(seen.frame_hz, 1 / seen.open_ohm, np.abs(seen.open_ohm), OF_OPEN_ADMITTANCE)
+    with np.errstate(all="ignore"):
+        _, rest = np.polydiv(admittance.numerator[::-1], admittance.denominator[::-1])
+        poles, slope = np.roots(admittance.denominator[::-1]), np.polyder(admittance.denominator[::-1])
+        pairs = poles[poles.imag > 0]
+        residues = np.polyval(rest, pairs) / np.polyval(slope, pairs)
+        parts = [_capacitor(admittance.middle, pair, residue) for pair, residue in zip(pairs.tolist(), residues.tolist(), strict=True)]
+    usable = [part for part in parts if all(np.isfinite(value) and value > 0 for value in part.values())]
+    return [{**windings[0], **part, **frame} for part in usable for frame in _frames(seen, windings[0], [(seen.place, part)])]
+
+
+def _winding(short: Rational) -> dict[Any, float]:
+    numerator, denominator = short.numerator, short.denominator
+    return {Set(name): value for name, value in winding_of(numerator[0], numerator[1], denominator[2], short.middle).items()}
 
 
 def _labels(seen: Seen, kind: str) -> list[str]:
@@ -205,11 +231,12 @@ def _frames(seen: Seen, winding: Start, capacitors: Sequence[tuple[str, Part]]) 
         # Between the terminals, from the first one to the frame, and from the second one to the frame.
         across = sum((branch for place, branch in branches if not place), nothing)
         to_frame = sum((branch for place, branch in branches if place), nothing)
+        in_short = sum((branch for place, branch in branches if place not in ("", "guarded")), nothing)
         beside_frame = sum((branch for place, branch in branches if place == "pair"), nothing)
         through = 1 / (1 / (winding[Set("Ra")] + s * winding[Set("La")]) + s * winding[Set("Ca")] + across)
-        short = 1 / (1 / through + to_frame)
+        short = 1 / (1 / through + in_short)
         left, error = _less(measured, np.abs(measured), to_frame)
-        frame, error = left - through, np.hypot(error, _less(short, np.abs(short), to_frame)[1])
+        frame, error = left - through, np.hypot(error, _less(short, np.abs(short), in_short)[1])
         known = error <= MOST_LOST * np.abs(frame)
         frame, error = _less(frame, error, beside_frame)
         known &= error <= MOST_LOST * np.abs(frame)
