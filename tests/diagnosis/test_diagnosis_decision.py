@@ -728,9 +728,14 @@ def test_a_base_that_is_explained_is_adequate_though_a_bent_law_is_more_probable
 def test_a_cell_that_is_larger_than_the_winding_has_exchanged_places_with_it(healthy):
     added = healthy.add("second-resonance")
     label, henry = "second-resonance.inductance_h", healthy.parameters["La"]
-    for factor, exchanged in ((0.1, False), (10.0, True)):
-        one = dataclasses.replace(added, parameters={**added.parameters, label: factor * henry, "La": henry})
-        assert Candidate(("second-resonance",), one, 0.0, ()).exchanged == exchanged
+    # With a thousandth of the winding's capacitance it resonates beyond the sweeps: nothing shows that La and Ca are a part of the winding.
+    beyond = {**added.parameters, "Ca": 1e-3 * healthy.parameters["Ca"]}
+    for factor, larger in ((0.1, False), (10.0, True)):
+        one = dataclasses.replace(added, parameters={**beyond, label: factor * henry, "La": henry})
+        assert Candidate(("second-resonance",), one, 0.0, ()).exchanged == larger
+        seen = dataclasses.replace(one, parameters={**one.parameters, "Ca": healthy.parameters["Ca"]})
+        model = Candidate(("second-resonance",), seen, 0.0, ())
+        assert (model.larger_than_winding, model.exchanged) == (larger, False)
 
 
 @pytest.mark.parametrize(("named", "effects"), [(False, "permeability-relaxation"), (True, "dielectric-relaxation@Ca")])

@@ -91,7 +91,15 @@ class Candidate:
 
     @property
     def exchanged(self) -> bool:
-        """Whether an effect has exchanged places with an element (`Effect.less_than`): then it describes the winding, and La what is beside it."""
+        """Whether an effect has exchanged places with an element: then it describes the winding, and La what is beside it.
+
+        Not where both are seen to resonate and describe everything: then the larger part of a winding is named as the effect.
+        """
+        return self.larger_than_winding and not (self.fit.marginal.nothing_left >= 0.5 and _winding_resonates(self.fit))
+
+    @property
+    def larger_than_winding(self) -> bool:
+        """Whether an effect is larger than the element that it is usually smaller than (`Effect.less_than`)."""
         labels = own_labels(self.fit.motor.effects, self.added)
         return any(find_effect(label.partition("#")[0]).effect.has_exchanged(label, self.fit.parameters) for label in labels)
 
@@ -202,6 +210,16 @@ def changed_elements(fit: Fit, others: Mapping[str, Fit]) -> str:
         if label and abs(values[label] - own) > max(UNSURE * fit.sigma[name], CLEARLY_OTHER * own):
             said.append(f"{name} is {show(own, parameter.unit)} here and {show(values[label], parameter.unit)} with {label}")
     return ", ".join(said)
+
+
+def _winding_resonates(fit: Fit) -> bool:
+    """Whether La and Ca resonate within the sweeps, damped less than critically."""
+    ra, la, ca = (fit.parameters.get(name, 0.0) for name in ("Ra", "La", "Ca"))
+    if not la * ca:
+        return False
+    resonance_hz = 1 / (2 * np.pi * np.sqrt(la * ca))
+    inside = any(sweep.frequency_hz[0] <= resonance_hz <= sweep.frequency_hz[-1] for sweep in fit.measurement.sweeps)
+    return bool(inside and 0.5 * ra * np.sqrt(ca / la) < 1)
 
 
 def _is_overdamped(label: str, motor: Motor, values: Mapping[str, float]) -> bool:

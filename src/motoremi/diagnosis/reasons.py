@@ -96,6 +96,8 @@ def reasons_for(judgement: Judgement, verdict: Verdict, named: Key, families: Se
     said = [f"adding {' and '.join(named)} takes {effect}"]
     said += _several_terms(named)
     said += as_a_cable(named, best)
+    if judgement.model.larger_than_winding:
+        said.append(f"of the parts of this winding the larger one is in {as_sum(named)}, so La, Ca and Ra are those of the smaller one")
     if verdict == "instrument":
         allowed = f"the analyser's specification allows this error, but without {as_sum(named)} the elements are wrong"
         of_analyser = allowed if is_within(base) else "the analyser or its fixture is beyond its specification"
