@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from unittest import mock
+
 import numpy as np
 import pytest
 from few_effects import FEW, seeking
 from paper_circuit import DAMPED, impedance
 
 import motoremi as me
+from motoremi.data.analyser import find_analyser
 from motoremi.data.sweep import TERMINATIONS, ImpedanceSweep
+from motoremi.diagnosis.declared import likeliest
 from motoremi.diagnosis.motor_board import MotorBoard
 from motoremi.simulate.analyser_errors import SimulatedAnalyser
 from motoremi.simulate.simulated_motor import SimulatedMotor
@@ -96,3 +101,15 @@ def test_a_healthy_motor_on_a_network_analyser_that_was_declared_as_an_impedance
         found = me.diagnose(me.fit(me.dc_motor(), sweeps))
     assert found.verdict == "adequate"
     assert "not-as-declared" in {finding.id for finding in found.findings}
+
+
+def test_data_that_are_good_enough_deny_nothing_of_an_analyser_without_a_name() -> None:
+    """An air coil within the stated accuracy was taken for measured with a NanoVNA, and a core was the first candidate."""
+    fit = SimpleNamespace(measurement=SimpleNamespace(accuracy_percent=5.0), explained=True, analyser_sigma=50.0)
+    declared = SimpleNamespace(measurement=SimpleNamespace(analyser=find_analyser("unknown"), remark=""))
+    first = SimpleNamespace(described=False, acceptance="explained", base=declared, best=SimpleNamespace(fit=fit), model=SimpleNamespace(fit=fit))
+    with mock.patch("motoremi.diagnosis.declared.hypotheses", side_effect=AssertionError("others are tried")):
+        assert likeliest(first).judgement is first
+        declared.measurement.analyser = find_analyser("4294a")
+        with pytest.raises(AssertionError, match="others are tried"):
+            likeliest(first)

@@ -61,8 +61,9 @@ def likeliest(first: Judgement, progress: Progress | None = None, each: Map = ma
     """
     declared, best, good_enough = first.base.measurement.analyser, first.best.fit, accurate(first.model.fit)
     enough = (first.acceptance == "explained" or good_enough) and first.model.fit.analyser_sigma <= BEYOND_SIGMA
-    # An ideal analyser is checked even if a model fits: a flexible law may describe the errors of the real one.
-    if first.described or (enough and (good_enough or not declared.ideal)):
+    # Nothing is declared of an analyser without a name that data which are good enough could deny. An ideal one is checked even if a model fits: a
+    # flexible law may describe the errors of the real one.
+    if first.described or (good_enough and not declared.named) or (enough and (good_enough or not declared.ideal)):
         return Declared(first)
     others = hypotheses(declared)
     if not others or first.base.measurement.remark:
