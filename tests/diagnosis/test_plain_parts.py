@@ -162,3 +162,10 @@ def test_a_lead_and_a_capacitance_at_the_terminals_may_be_a_short_cable(henry, f
     fit = SimpleNamespace(parameters={"lead-inductance.inductance_h": henry, "terminal-capacitance.capacitance_f": farad})
     assert "".join(as_a_cable(("terminal-capacitance", "lead-inductance"), fit)).partition(": is one")[0] == said
     assert as_a_cable(("lead-inductance",), fit) == []
+
+
+def test_a_named_cable_is_told_with_its_length() -> None:
+    """A coil of six printed turns has the impedance of a winding behind a cable, and a user who has none must know what else it may be."""
+    fit = SimpleNamespace(parameters={"supply-cable.wave_ohm": 83.5, "supply-cable.delay_s": 5.19e-9})
+    (said,) = as_a_cable(("supply-cable",), fit)
+    assert said.startswith("that is a cable of 83.5 Ohm and about 1 m (5.19 ns): if there is none, a winding of one layer")

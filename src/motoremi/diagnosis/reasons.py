@@ -161,7 +161,10 @@ def _several_terms(named: Key) -> list[str]:
 
 
 def as_a_cable(named: Key, fit: Fit) -> list[str]:
-    """Which cable has the inductance and capacitance of leads and terminals, if any: below its resonance it is both."""
+    """Which cable is named, or has the inductance and capacitance of leads and terminals, if any: below its resonance it is both."""
+    if "supply-cable" in named:
+        cable = _cable(fit.parameters["supply-cable.wave_ohm"], fit.parameters["supply-cable.delay_s"])
+        return [f"that is {cable}: if there is none, a winding of one layer or a printed one, whose conductor is as long, is such a line itself"]
     if set(named) != {"lead-inductance", "terminal-capacitance"}:
         return []
     henry, farad = fit.parameters["lead-inductance.inductance_h"], fit.parameters["terminal-capacitance.capacitance_f"]
@@ -171,8 +174,11 @@ def as_a_cable(named: Key, fit: Fit) -> list[str]:
     low, high = parameter.usual
     if not low <= wave_ohm <= high:
         return []
-    cable = f"a cable of {show(wave_ohm, 'Ohm')} and about {delay_s * CABLE_M_PER_S:.2g} m ({show(delay_s, 's')})"
-    return [f"{cable} has both: is one behind the plane of the compensation?"]
+    return [f"{_cable(wave_ohm, delay_s)} has both: is one behind the plane of the compensation?"]
+
+
+def _cable(wave_ohm: float, delay_s: float) -> str:
+    return f"a cable of {show(wave_ohm, 'Ohm')} and about {delay_s * CABLE_M_PER_S:.2g} m ({show(delay_s, 's')})"
 
 
 def _imitation(relaxing: Key) -> str:
