@@ -134,14 +134,6 @@ def test_ltspice_that_is_refused(tmp_path: Path, names: str, line: str, says: st
         read_impedance(write(tmp_path, names, line), "open")
 
 
-def test_vnaj(tmp_path: Path) -> None:
-    """Its titles of impedances have no unit, and a phase beside them is that of the reflection."""
-    loss, swr = 20 * np.log10(np.abs(G)), (1 + np.abs(G)) / (1 - np.abs(G))
-    columns = (FREQUENCY, loss, np.angle(G, deg=True), Z.real, swr, Z.imag, np.abs(Z), DEGREES)
-    names = "Frequency(Hz),Return Loss(dB),Phase(deg),Rs,SWR,Xs,|Z|,Theta"
-    check(write(tmp_path, names, *rows(",".join(["{:.9e}"] * 8), *columns), name="s.csv"), "vna-j", "R and X")
-
-
 def test_zview_and_gamry_from_high_to_low(tmp_path: Path) -> None:
     turned = (FREQUENCY[::-1], Z.real[::-1], Z.imag[::-1])
     head = ["ZPlot2 ASCII", "Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\tGD\tErr\tRange", "End Comments"]

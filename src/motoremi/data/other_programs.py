@@ -1,4 +1,4 @@
-"""Tables of programs that write them in a form of their own: RigExpert AntScope (.asd), LTspice (exported text), ZView (.z), `.zma`, and vna/J.
+"""Tables of programs that write them in a form of their own: RigExpert AntScope (.asd), LTspice (exported text), ZView (.z), and `.zma`.
 
 The first three layouts are UNCONFIRMED: they are those of descriptions, no file of these programs was at hand.
 """
@@ -6,7 +6,6 @@ The first three layouts are UNCONFIRMED: they are those of descriptions, no file
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 from motoremi.data.numbers import looks_numeric, parse_number
 from motoremi.data.plain import object_from_json
@@ -17,8 +16,6 @@ from motoremi.errors import BadInput
 
 _RECTANGULAR = ("frequency [Hz]", "R [Ohm]", "X [Ohm]")
 _POLAR = ("frequency [Hz]", "|Z| [Ohm]", "phase [deg]")
-# vna/J, for the miniVNA and others, writes no unit for impedances, which are in ohm (a published file; return loss and phase give the same values).
-_VNAJ = "Frequency(Hz),Return Loss(dB),Phase(deg),Rs,SWR,Xs,|Z|,Theta"
 # A voltage over a current, in ohm.
 _RATIO = re.compile(r"-?V\([^)]*\)\s*/\s*-?I[a-z]?\([^)]*\)", re.IGNORECASE)
 _DECIBELS = re.compile(r"\((?P<db>[^,]+)dB,(?P<phase>[^,]+)°\)")
@@ -48,18 +45,9 @@ def table_of_other_program(text: str, name: str) -> tuple[Table, str] | None:
         for title, plain in _ZVIEW_NAMES.items():
             text = text.replace(title, plain)
         return parse_table(_END_OF_COMMENTS.sub("", text), name), "zview"
-    if begin.startswith(_VNAJ):
-        return _vnaj(text, name), "vna-j"
     if name.lower().endswith(".zma"):
         return _zma(text, name), "zma"
     return None
-
-
-def _vnaj(text: str, name: str) -> Table:
-    """Its columns of resistance and reactance; the others are computed from the same reflections."""
-    table = parse_table(text, name)
-    chosen = [table.columns.index(title) for title in ("Frequency(Hz)", "Rs", "Xs")]
-    return replace(table, columns=_RECTANGULAR, rows=[[cells[at] for at in chosen] for cells in table.rows])
 
 
 def _zma(text: str, name: str) -> Table:
