@@ -182,8 +182,10 @@ def _decided(base: Fit, found: Mapping[Key, Candidate], together: float, proven:
     if any(one is not None and judgement.is_better_than(one) for one in (single, smaller)):
         return dataclasses.replace(judgement, pair_is_better=True)
     accepted = smaller or _without_steps(base, found, together, proven)
-    if accepted or judgement.leaves_hardly_anything:
-        return accepted or dataclasses.replace(judgement, pair_is_better=True)
+    if accepted is not None:
+        return accepted
+    if judgement.leaves_hardly_anything:
+        return dataclasses.replace(judgement, pair_is_better=True)
     return judgement.of_within or judgement
 
 

@@ -107,11 +107,9 @@ def _in_open_alone(seen: Seen) -> list[dict[Any, float]]:
         return []
     admittance = rational_fit(seen.frame_hz, 1 / seen.open_ohm, np.abs(seen.open_ohm), OF_OPEN_ADMITTANCE)
     with np.errstate(all="ignore"):
-        _, rest = np.polydiv(admittance.numerator[::-1], admittance.denominator[::-1])
-        poles, slope = np.roots(admittance.denominator[::-1]), np.polyder(admittance.denominator[::-1])
-        pairs = poles[poles.imag > 0]
-        residues = np.polyval(rest, pairs) / np.polyval(slope, pairs)
-        parts = [_capacitor(admittance.middle, pair, residue) for pair, residue in zip(pairs.tolist(), residues.tolist(), strict=True)]
+        _, poles, residues = _residues(admittance.numerator[::-1], admittance.denominator[::-1])
+        pairs = [(pole, residue) for pole, residue in zip(poles.tolist(), residues.tolist(), strict=True) if pole.imag > 0]
+        parts = [_capacitor(admittance.middle, pair, residue) for pair, residue in pairs]
     usable = [part for part in parts if all(np.isfinite(value) and value > 0 for value in part.values())]
     return [{**windings[0], **part, **frame} for part in usable for frame in _frames(seen, windings[0], [(seen.place, part)])]
 
@@ -174,14 +172,19 @@ def _branch_s(frequency_hz: FloatArray, part: Part) -> ComplexArray:
 
 def _fractions(numerator: FloatArray, denominator: FloatArray, pairs: int) -> Fractions | None:
     """None if the function has other poles than one real one and so many pairs, or no linear part."""
-    straight, rest = np.polydiv(numerator, denominator)
-    poles = np.roots(denominator)
-    real, paired = poles[poles.imag == 0].real, poles[poles.imag > 0]
-    if real.size != 1 or paired.size != pairs or straight.size != 2:
+    straight, poles, residues = _residues(numerator, denominator)
+    real, paired = poles.imag == 0, poles.imag > 0
+    if np.count_nonzero(real) != 1 or np.count_nonzero(paired) != pairs or straight.size != 2:
         return None
-    slope = np.polyder(denominator)
-    (of_real,), of_pairs = (np.polyval(rest, p) / np.polyval(slope, p) for p in (real, paired))
-    return Fractions(float(straight[0]), (float(real[0]), float(of_real)), tuple(zip(paired.tolist(), of_pairs.tolist(), strict=True)))
+    (of_real,) = zip(poles[real].real.tolist(), residues[real].real.tolist(), strict=True)
+    return Fractions(float(straight[0]), of_real, tuple(zip(poles[paired].tolist(), residues[paired].tolist(), strict=True)))
+
+
+def _residues(numerator: FloatArray, denominator: FloatArray) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """The polynomial part, highest power first, the poles, and the residue of each, all simple."""
+    straight, rest = np.polydiv(numerator, denominator)
+    poles = np.roots(denominator).astype(np.complex128)
+    return np.asarray(straight, dtype=np.float64), poles, np.asarray(np.polyval(rest, poles) / np.polyval(np.polyder(denominator), poles))
 
 
 def _read(seen: Seen, count: int) -> list[tuple[dict[Any, float], list[Part]]]:
